@@ -6,8 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo.algorithms.archive import PlanArchive
-from botohe_moo.algorithms.base import PopulationArchive
+from botohe_moo.algorithms.base import PlanArchive, PopulationArchive
 from botohe_moo.core.walk import plan_hashes
 from botohe_moo.trails import PlanBatch, TrailPlan
 from tests.examples import examples

@@ -9,8 +9,8 @@ from hypothesis import assume, given
 
 from botohe_moo import FrontBound, Kind, Mission, bound_front, load_mission
 from botohe_moo.bounds import proof, schedule
-from botohe_moo.bounds.plain import NOTE, relaxed_to_plain
-from botohe_moo.bounds.proof import Proof
+from botohe_moo.bounds.bound import relaxed_to_plain
+from botohe_moo.bounds.proof import NOTE, Proof
 from botohe_moo.trails import TrailPlan
 from tests.examples import examples
 from tests.strategies import missions, small_team_missions, team_missions_with_plans

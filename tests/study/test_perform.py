@@ -21,8 +21,8 @@ from hypothesis import strategies as st
 from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, Mission, load_mission, make_algorithm
-from botohe_moo.algorithms.archive import PlanArchive
-from botohe_moo.algorithms.local_search.kernels import children, recreate, search
+from botohe_moo.algorithms.base import PlanArchive
+from botohe_moo.algorithms.local_search.kernels import moves, recreate, search
 from botohe_moo.study.loading import load_study
 from botohe_moo.study.perform import (
     BudgetSpentError,
@@ -166,8 +166,8 @@ class TestBudgets:
             # Each inserts a plan to start from, tells what a child brings, or makes one.
             for module, name in (
                 (search, "_insert_given"),
-                (children, "evaluate_child"),
-                (children, "evaluate_trail"),
+                (moves, "evaluate_child"),
+                (moves, "evaluate_trail"),
                 (recreate, "_make_child"),
             ):
                 patch.setattr(module, name, counted.calls_of(getattr(module, name)))

@@ -16,7 +16,6 @@ from botohe_moo.base.files import replace_file
 from botohe_moo.base.messages import quoted
 from botohe_moo.base.parameters import NotNegative, Probability
 from botohe_moo.base.types import FloatArray, OffsetArray
-from botohe_moo.bounds.plain import fewest_moving
 from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission, check_mission, numbers_digest
 from botohe_moo.objectives import check_objectives
@@ -302,7 +301,8 @@ class FrontBound:
 
     @cached_property
     def _fewest_moving(self) -> int:
-        return fewest_moving(self.mission)
+        mission = self.mission
+        return sum(k.robots for k in mission.kinds if len({*k.ends(mission.base)}) > 1)
 
     @cached_property
     def _proved(self) -> list[_Proved]:

@@ -14,7 +14,6 @@ from botohe_moo.bounds.kernels.states import Net
 from botohe_moo.bounds.lines import LEVELS, Lines
 from botohe_moo.bounds.master import Pool
 from botohe_moo.bounds.net import Remembered, arcs_by_ends, new_net
-from botohe_moo.bounds.plain import NOTE
 from botohe_moo.bounds.prices import most_levels
 from botohe_moo.bounds.relaxation import Relaxation
 from botohe_moo.bounds.stairs import MOST_MOVING, TeamStairs
@@ -46,6 +45,7 @@ _FIRST_BITS = 10  # that a node remembers at first: rewards and bridges
 _MOST_COMPARED = 3_000  # nodes of which all pairs are compared: a second, and 0.1 GiB
 _BYTES_A_LINK = 40.0  # two integers of 8 bytes, a flag and a figure, and some while they are found
 _MIB = 2**20
+NOTE = "Robots are bounded as if each were the best of all kinds, and rewards counted on arrival."
 
 
 class Proof:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from botohe_moo.algorithms.exact.teams import choose_teams, new_choices
+from botohe_moo.algorithms.exact.kernels import choose_teams, new_choices
 from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.bounds.front_bound import EDGE, Step, add_stairs, falling, last_steps, least_total
 from botohe_moo.bounds.kernels.states import ROUNDING

@@ -72,7 +72,7 @@ def solve(
         greatest danger. Or module:Class, a class derived from BOTOHE.
     """
     with failing():
-        from botohe_moo.bounds.plain import check_boundable
+        from botohe_moo.bounds.bound import check_boundable
         from botohe_moo.mission.formats.reading import stem_of
         from botohe_moo.problem import find_problem
         from botohe_moo.solving import make_for_this_machine
@@ -184,7 +184,7 @@ def bound(
         JSON file for the bound.
     """
     with failing():
-        from botohe_moo.bounds.plain import check_boundable
+        from botohe_moo.bounds.bound import check_boundable
 
         loaded = bm.load_mission(mission, **options)
         check_boundable(loaded, "botohe bound")

@@ -12,8 +12,7 @@ import numpy as np
 from pymoo.core.algorithm import Algorithm
 from pymoo.core.termination import NoTermination
 
-from botohe_moo.algorithms.archive import PlanArchive
-from botohe_moo.algorithms.base import ArchiveAlgorithm
+from botohe_moo.algorithms.base import ArchiveAlgorithm, PlanArchive
 from botohe_moo.algorithms.genetic.population import PopulationAlgorithm
 from botohe_moo.algorithms.registry import make_algorithm
 from botohe_moo.base.types import FloatArray

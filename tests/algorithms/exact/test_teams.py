@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo.algorithms.exact import teams
+from botohe_moo.algorithms.exact import kernels as teams
 from botohe_moo.core.ordered import best_reward, grow_front, insert, new_front, read_front
 from botohe_moo.core.world import CHECKING
 from tests.examples import examples

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo.algorithms.exact import labels as labelling
+from botohe_moo.algorithms.exact import kernels as labelling
 from botohe_moo.algorithms.exact.front import TrailSearch, without_base_reward
 from botohe_moo.core.world import CHECKING
 from botohe_moo.mission import Mission

@@ -8,7 +8,7 @@ import pytest
 from botohe_moo import TrailPlan
 from botohe_moo.algorithms.local_search import engine
 from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch, LocalSearchSettings
-from botohe_moo.algorithms.local_search.kernels import children, plans, routes, search
+from botohe_moo.algorithms.local_search.kernels import moves, plans, search, state
 from botohe_moo.algorithms.local_search.kernels.state import NEVER
 from botohe_moo.core.ordered import best_reward, nearest_place, read_front
 from botohe_moo.core.world import CHECKING, find_arc
@@ -160,7 +160,7 @@ class Child:
             *work.middle[: draft.n_middle].tolist(),
             *laid[draft.suffix : draft.length],
         ]
-        n = children.write_child(work)
+        n = moves.write_child(work)
         assert work.child[:n].tolist() == self.arcs
         self.tails, self.heads = graph.tail[self.arcs].tolist(), graph.head[self.arcs].tolist()
         self.trail = (*start, *self.heads)
@@ -209,26 +209,24 @@ def note_entering(patch):
     return entering
 
 
-def watched(
-    mission, start, n_evaluations, *, full_up_to=routes.FULL_UP_TO, constants=(), **options
-):
+def watched(mission, start, n_evaluations, *, full_up_to=state.FULL_UP_TO, constants=(), **options):
     """Search in plain Python, with other constants; the search, and every child made on the way."""
     with plain_local_search() as patch:
         for module, name, value in constants:
             patch.setattr(module, name, value)
-        for module in (routes, engine):
+        for module in (state, engine):
             patch.setattr(module, "FULL_UP_TO", full_up_to)
-        patch.setattr(routes, "NEAR", 2)
+        patch.setattr(state, "NEAR", 2)
         found, made = started(mission, start, **options), []
         patch.setattr(search, "MAX_FRUITLESS", FEW)
-        evaluate_child = children.evaluate_child
+        evaluate_child = moves.evaluate_child
 
         def noted(*arguments):
             gained = evaluate_child(*arguments)
             made.append(Child(found, gained))
             return gained
 
-        patch.setattr(children, "evaluate_child", noted)
+        patch.setattr(moves, "evaluate_child", noted)
         if len(found):
             found.run(n_evaluations)
     return found, made

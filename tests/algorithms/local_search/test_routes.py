@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import load_mission
-from botohe_moo.algorithms.local_search.kernels import routes as kernels
-from botohe_moo.algorithms.local_search.kernels.routes import FAR, UNKNOWN
+from botohe_moo.algorithms.local_search.kernels import state as kernels
+from botohe_moo.algorithms.local_search.kernels.state import FAR, UNKNOWN
 from botohe_moo.core.paths import find_near
 from tests.core.test_paths import whole_graph
 from tests.examples import examples

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from botohe_moo import Mission, TrailPlan, load_mission
 from botohe_moo.algorithms.local_search import engine
 from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES, LocalSearch
-from botohe_moo.algorithms.local_search.kernels import plans, recreate, routes, search, state
+from botohe_moo.algorithms.local_search.kernels import plans, recreate, search, state
 from botohe_moo.algorithms.local_search.kernels.state import N_TRAILS, new_store
 from tests import twins
 from tests.algorithms.local_search.made import check, note_entering, outcome, started, watched
@@ -181,9 +181,9 @@ def one_way():
     ],
 )
 def test_plain_python_finds_the_same_to_the_bit(monkeypatch, mission, n_evaluations, rule):
-    for module in (routes, engine):  # the terrain's paths are known in part
+    for module in (state, engine):  # the terrain's paths are known in part
         monkeypatch.setattr(module, "FULL_UP_TO", 25)
-    monkeypatch.setattr(routes, "NEAR", 8)
+    monkeypatch.setattr(state, "NEAR", 8)
     compiled = started(mission, seed=3, **rule)
     parts = (n_evaluations - 100, 1, 99)
     spent = [compiled.run(n) for n in parts]

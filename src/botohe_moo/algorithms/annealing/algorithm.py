@@ -14,8 +14,7 @@ from pydantic import Field
 
 from botohe_moo.algorithms import base
 from botohe_moo.algorithms.annealing import kernels
-from botohe_moo.algorithms.archive import PlanArchive
-from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies
+from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, PlanArchive
 from botohe_moo.base.parameters import Count, Positive, Probability, Size, check_weights
 from botohe_moo.base.types import FloatArray, ObjectArray
 from botohe_moo.core.rng import seed_states

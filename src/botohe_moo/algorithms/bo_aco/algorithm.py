@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 import numpy as np
 from pydantic import Field
 
-from botohe_moo.algorithms.archive import PlanArchive
+from botohe_moo.algorithms.base import PlanArchive
 from botohe_moo.algorithms.bo_aco import kernels
 from botohe_moo.base.parameters import Count, NotNegative, Positive
 from botohe_moo.base.types import FloatArray, OffsetArray

@@ -10,13 +10,13 @@ from typing import Annotated, TypeAlias
 import numpy as np
 from pydantic import Field
 
-from botohe_moo.algorithms.exact import labels, teams
-from botohe_moo.algorithms.exact.labels import TrailTable, n_bytes
+from botohe_moo.algorithms.exact import kernels
+from botohe_moo.algorithms.exact.kernels import TrailTable, n_bytes
 from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.base.messages import counted, quoted
 from botohe_moo.base.parameters import Positive, Probability, TravelBudget, checked
 from botohe_moo.base.types import FloatArray, Record
-from botohe_moo.core.compile import kernels, own_time
+from botohe_moo.core import compile as compiling
 from botohe_moo.core.evaluate import evaluate, new_values
 from botohe_moo.core.ordered import best_reward, grow_front, insert, new_front, read_front
 from botohe_moo.core.world import CHECKING, World, read_only
@@ -41,7 +41,7 @@ class TrailSearch:
     """
 
     def __init__(self, world: World) -> None:
-        self._search = labels.new_search(world, _LABEL_ROWS)
+        self._search = kernels.new_search(world, _LABEL_ROWS)
 
     @property
     def progress(self) -> Record:
@@ -60,7 +60,7 @@ class TrailSearch:
     @property
     def n_bytes(self) -> int:
         """The size of the tables in bytes."""
-        return labels.n_bytes(self._search.labels, self._search.trails)
+        return kernels.n_bytes(self._search.labels, self._search.trails)
 
     def found(self) -> tuple[FloatArray, FloatArray]:
         """Return the survivals of trails, and the probabilities that they reach each goal.
@@ -78,17 +78,17 @@ class TrailSearch:
         are sorted by descending survival, without those that another is as good as.
         """
         search, progress = self._search, self.progress
-        if labels.grow(search, n_looks):
+        if kernels.grow(search, n_looks):
             require(self.n_bytes)
-            larger = labels.doubled(search.labels)
-            self._search = search._replace(labels=larger, trails=labels.doubled(search.trails))
+            larger = kernels.doubled(search.labels)
+            self._search = search._replace(labels=larger, trails=kernels.doubled(search.trails))
         if progress.next < progress.n_labels:
             return False
         n, others = progress.n_trails, TrailTable(*[column.copy() for column in search.trails])
         total = sum(others.reached[:n].T, np.zeros(n))
         progress.n_trails = 0
         # Of trails that survive alike, one that another is as good as comes after it.
-        labels.add_trails(search, others, np.lexsort((-total, -others.rows["survives"][:n])))
+        kernels.add_trails(search, others, np.lexsort((-total, -others.rows["survives"][:n])))
         return True
 
     def trail(self, row: int) -> list[int]:
@@ -99,11 +99,11 @@ class TrailSearch:
         home = [int(search.world.team.start[0])]
         if label < 0:
             return home
-        search.used[:] = [labels.has(table.used[label], i) for i in range(graph.n_arcs)]
+        search.used[:] = [kernels.has(table.used[label], i) for i in range(graph.n_arcs)]
         search.used[arc] = 1
         last = table.rows[self.progress.n_labels]
         last.length, last.node = table.rows.length[label] + graph.length[arc], graph.head[arc]
-        labels.look_around(search)
+        kernels.look_around(search)
         while (entry := paths.entry[home[-1]]) >= 0:
             home.append(int(graph.tail[entry]))
         out: list[int] = []
@@ -183,8 +183,8 @@ def exact_front(
 
     Notes
     -----
-    The search finds all trails that a best team may need, then all teams of them; the modules
-    ``labels`` and ``teams`` explain why nothing is missed. Label-setting with dominance
+    The search finds all trails that a best team may need, then all teams of them; the module
+    ``exact.kernels`` explains why nothing is missed. Label-setting with dominance
     for resource-constrained paths: Irnich and Desaulniers, "Shortest path problems with resource
     constraints", in: Column Generation, Springer, 2005.
 
@@ -230,18 +230,18 @@ class FrontSearch:
         self.plans: PlanBatch | None = None
         self._without_base = without_base_reward(world)
         self._trails = TrailSearch(self._without_base)
-        self._choices: teams.Choices | None = None
+        self._choices: kernels.Choices | None = None
         self._spent = 0.0
 
-    @kernels("compiled")
+    @compiling.kernels("compiled")
     def advance(self) -> None:
         """Do a portion of the work; raise a TooLargeError as :func:`exact_front` does."""
-        begun = own_time()
+        begun = compiling.own_time()
         if self._choices is None:
             self._advance_trails()
         else:
             self._advance_teams(self._choices)
-        self._spent += own_time() - begun
+        self._spent += compiling.own_time() - begun
         if self.plans is None and self._spent > self.time_limit:
             raise self._limit_error(f"time_limit = {self.time_limit:g} seconds")
 
@@ -268,7 +268,7 @@ class FrontSearch:
         if trails.advance(min(max(1, n_looks), _LABELS_A_PORTION), self._require):
             self._choices = self._new_choices()
 
-    def _new_choices(self) -> teams.Choices:
+    def _new_choices(self) -> kernels.Choices:
         """Begin the search for teams, with the guides as the front."""
         (guides, figures), n_robots = self._guides, self.mission.robots
         self._require(self._trails.progress.n_trails * n_robots * 32)
@@ -278,13 +278,13 @@ class FrontSearch:
                 self._front.plan[insert(self._front, expected, survivors)] = -1 - i
         reward = self._trails.reward
         slack = _SLACK * np.array([reward.sum(), n_robots])
-        return teams.new_choices(*self._trails.found(), reward, slack, n_robots)
+        return kernels.new_choices(*self._trails.found(), reward, slack, n_robots)
 
-    def _advance_teams(self, choices: teams.Choices) -> None:
+    def _advance_teams(self, choices: kernels.Choices) -> None:
         if self._front.n.spare == 0:
             self._require(2 * n_bytes(self._front))
             self._front = grow_front(self._front, 2 * len(self._front.slots))
-        if teams.choose_teams(choices, self._front, _CHOICES_A_PORTION, most_reward=False):
+        if kernels.choose_teams(choices, self._front, _CHOICES_A_PORTION, most_reward=False):
             self.plans = self._plans()
 
     def _plans(self) -> PlanBatch:

@@ -28,18 +28,8 @@ from botohe_moo.base.parameters import (
     signature_parameters,
 )
 from botohe_moo.base.types import FloatArray, ObjectArray
-from botohe_moo.operators.variation import (
-    KINDS,
-    MixedCrossover,
-    MixedMutation,
-    Mixture,
-    PenaltyOnly,
-    PlanDuplicates,
-    PlanRepair,
-    TrailSplice,
-    find_operator,
-    make_operator,
-)
+from botohe_moo.operators import variation
+from botohe_moo.operators.variation import KINDS, find_operator, make_operator
 from botohe_moo.problem import FrontOutput
 from botohe_moo.trails import TrailPlan
 
@@ -143,7 +133,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         corners: bool = True,
         crossover: Named | Crossover = DEFAULT_CROSSOVER,
         mutation: Named | Mutation = DEFAULT_MUTATION,
-        repair: str | PlanRepair = "safest-path",
+        repair: str | variation.PlanRepair = "safest-path",
         prob_crossover: Probability = 0.9,
         prob_mutation: Probability = 0.7,
         max_ties: MaxTies = 1_000,
@@ -166,20 +156,20 @@ class PopulationAlgorithm(BudgetedAlgorithm):
             "prob_mutation": prob_mutation,
         }
         self._least_infeasible: Population | None = None
-        if isinstance(repair, PlanRepair):
+        if isinstance(repair, variation.PlanRepair):
             made = repair
         else:
-            made = make_operator("repair", repair, PlanRepair)
+            made = make_operator("repair", repair, variation.PlanRepair)
         made.n_threads = self.n_threads = n_threads
         if not isinstance(crossover, Crossover):
             n, prob = self._n_children, prob_crossover
             pairs = make_parts("crossover", crossover, prob=prob, repair=made, n_offsprings=n)
-            none = TrailSplice(prob=0.0, n_offsprings=n)
-            crossover = MixedCrossover(pairs, prob=prob) if pairs else none
+            none = variation.TrailSplice(prob=0.0, n_offsprings=n)
+            crossover = variation.MixedCrossover(pairs, prob=prob) if pairs else none
         if not isinstance(mutation, Mutation):
             what, prob = "mutation", prob_mutation
             parts = make_parts(what, mutation, needed=what, prob=prob, repair=made)
-            mutation = MixedMutation(parts, prob=prob)
+            mutation = variation.MixedMutation(parts, prob=prob)
         operators = {
             "sampling": make_sampling(sampling, corners=corners),
             "crossover": crossover,
@@ -209,7 +199,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
             raise ValueError(f"{name} mates in a way of its own, which trail plans do not have.")
         self.mating.selection = _picklable(self.mating.selection, pymoos)
         if not isinstance(self.eliminate_duplicates, NoDuplicateElimination):
-            self.eliminate_duplicates = PlanDuplicates()
+            self.eliminate_duplicates = variation.PlanDuplicates()
             for part in (self.initialization, self.mating):
                 part.eliminate_duplicates = self.eliminate_duplicates
 
@@ -228,7 +218,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         base.check_problem(problem)
         directions = getattr(self, "ref_dirs", None)
         base.check_n_objectives(self, problem, None if directions is None else directions.shape[1])
-        if any(isinstance(repair, PenaltyOnly) for repair in self._repairs()):
+        if any(isinstance(repair, variation.PenaltyOnly) for repair in self._repairs()):
             problem = problem.allowing_invalid()
         self.archive = PopulationArchive(
             problem.mission.robots, max_ties=self.max_ties, n_objectives=problem.n_obj
@@ -240,7 +230,7 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         found: list[object] = []
         for operator in (self.mating.crossover, self.mating.mutation):
             mixture = getattr(operator, "mixture", None)
-            parts = mixture.parts if isinstance(mixture, Mixture) else (operator,)
+            parts = mixture.parts if isinstance(mixture, variation.Mixture) else (operator,)
             found += [getattr(part, "plan_repair", None) for part in parts]
         return found
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field
 
 from botohe_moo.algorithms import base
-from botohe_moo.algorithms.archive import Archive
-from botohe_moo.algorithms.base import ArchiveAlgorithm, PopulationArchive, Threads
+from botohe_moo.algorithms.base import Archive, ArchiveAlgorithm, PopulationArchive, Threads
 from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.algorithms.local_search.engine import Islands, LocalSearch, LocalSearchSettings
 from botohe_moo.base.types import FloatArray, ObjectArray

@@ -2,41 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import partial
-from typing import TYPE_CHECKING
-
-import numpy as np
-
-from botohe_moo.algorithms.local_search.kernels.state import Given
-from botohe_moo.core.threads import mapping
-from botohe_moo.core.world import World
-from botohe_moo.mission.model import Mission
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 from pydantic import Field
 
 from botohe_moo.algorithms.local_search.kernels import state
 from botohe_moo.algorithms.local_search.kernels.moves import MOVES
 from botohe_moo.algorithms.local_search.kernels.recreate import recreate
-from botohe_moo.algorithms.local_search.kernels.routes import FULL_UP_TO, Routes, find_routes
 from botohe_moo.algorithms.local_search.kernels.search import improve, trim
-from botohe_moo.algorithms.local_search.kernels.state import Search, TrailStore
+from botohe_moo.algorithms.local_search.kernels.state import FULL_UP_TO, Given, Search, TrailStore
 from botohe_moo.base.parameters import Probability, check_weights
 from botohe_moo.base.types import FloatArray, IntArray, OffsetArray, RecordArray, SeedArray
 from botohe_moo.core import ordered
 from botohe_moo.core.compile import own_time, prepare
 from botohe_moo.core.rng import draw_state
-from botohe_moo.core.threads import apart
+from botohe_moo.core.threads import apart, mapping
+from botohe_moo.core.world import World
+from botohe_moo.mission.model import Mission
 from botohe_moo.trails import PlanBatch
 
 if TYPE_CHECKING:
@@ -85,9 +72,9 @@ class Costs:
         self.priced, self._per_length = _priced(world)
 
     @cached_property
-    def routes(self) -> Routes:
+    def routes(self) -> state.Routes:
         """All cheapest paths."""
-        return find_routes(self.priced, self._per_length)
+        return state.find_routes(self.priced, self._per_length)
 
     def __reduce__(self) -> tuple[object, ...]:
         return Costs, (self.world,)

@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from botohe_moo.algorithms.local_search.kernels import plans, state
-from botohe_moo.algorithms.local_search.kernels.children import connect_child, write_child
+from botohe_moo.algorithms.local_search.kernels.moves import connect_child, write_child
 from botohe_moo.algorithms.local_search.kernels.state import Search, Workspace
 from botohe_moo.core.compile import at_once, helper, shared, ticks
 from botohe_moo.core.ordered import nearest_place, slope_at

@@ -5,8 +5,7 @@ A child differs from its parent in the trail of one robot.
 
 import numpy as np
 
-from botohe_moo.algorithms.local_search.kernels import children, plans, state
-from botohe_moo.algorithms.local_search.kernels.moves import draw_trail, make_child
+from botohe_moo.algorithms.local_search.kernels import moves, plans, state
 from botohe_moo.algorithms.local_search.kernels.state import Given, Search
 from botohe_moo.core import ordered
 from botohe_moo.core.compile import at_once, helper, shared, ticks
@@ -146,7 +145,7 @@ def _change_another(search: Search) -> None:
     store, work = search.store, search.work
     n_robots = work.parent.shape[0]
     other = (work.draft.robot + 1 + below(work.states, n_robots - 1)) % n_robots
-    trail = draw_trail(search, other)
+    trail = moves.draw_trail(search, other)
     store.trails[trail].n_users += 1
     state.release(store, work.parent[other])
     work.parent[other] = trail
@@ -191,7 +190,7 @@ def _make_children(search: Search, n_most: int) -> int:
             break
         move = draw_weighted(work.weights, work.states)
         tally = work.tallies[move]
-        if make_child(search, move) and work.draft.adopted != changed:
+        if moves.make_child(search, move) and work.draft.adopted != changed:
             n += 1
             memory.idle += 1
             tally.tried += 1
@@ -210,15 +209,15 @@ def _insert_child(search: Search) -> bool:
     store, work = search.store, search.work
     draft, trail = work.draft, work.draft.adopted
     if trail != state.NOT_STORED:
-        gained = children.evaluate_trail(search, trail)
+        gained = moves.evaluate_trail(search, trail)
     else:
-        gained = children.evaluate_child(search, search.world.returns)
+        gained = moves.evaluate_child(search, search.world.returns)
     if gained < 0.0:
         return False
     if trail != state.NOT_STORED:
         store.trails[trail].n_users += 1
     else:
-        trail = plans.add_trail(search, draft.robot, children.write_child(work))
+        trail = plans.add_trail(search, draft.robot, moves.write_child(work))
         if trail == state.NOT_STORED:  # by rounding
             return False
     for k in range(work.parent.shape[0]):
