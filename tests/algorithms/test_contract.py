@@ -101,7 +101,7 @@ def test_budgets_are_found_in_combined_terminations(name):
 WITH_BUDGET = [*NAMES, *DOTTED, SEARCHING]
 FLOORS = st.sampled_from([0.0, 0.3, 0.81, 1.0])
 BUDGETS = st.sampled_from([None, 0.0, 2.0, 4.0, 6.0, 9.0])
-FEW_EXAMPLES = examples(24)
+FEW_EXAMPLES = examples(16)
 
 
 def assert_limits_are_kept(problem, plans):

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from pymoo.optimize import minimize
 
-from botohe_moo import BOTOHE, load_mission, make_algorithm
+from botohe_moo import BOACO, BOTOHE, ParetoLocalSearch, TrailPlan, load_mission, make_algorithm
 from botohe_moo.algorithms import ArchiveAlgorithm
 from tests.algorithms.test_contract import DOTTED, NAMES, SEARCHING, mission_for, small
 
+TOY = load_mission("toy")
 EVERY = [*NAMES, *DOTTED, SEARCHING]
 IN_KERNELS = {"exact", "pareto-local-search", "simulated-annealing", SEARCHING}
 POPULATIONS = {"moead", "nsga2", "sms-emoa", "spea2", *DOTTED}
@@ -26,14 +27,6 @@ class Hasty(BOTOHE):
     def evaluate_batch(self, batch):
         F = super().evaluate_batch(batch)
         return np.column_stack([F[:, 0], longest(self, batch)])
-
-
-class HastyForPymoo(BOTOHE):
-    """The same, as problems of pymoo's are written."""
-
-    def _evaluate(self, x, out, *args, **kwargs):
-        super()._evaluate(x, out, *args, **kwargs)
-        out["F"] = np.column_stack([out["F"][:, 0], longest(self, self.mission.batch(x))])
 
 
 class Three(BOTOHE):
@@ -55,25 +48,19 @@ class ThreeForPymoo(Three):
         out["F"] = np.column_stack([out["F"], longest(self, self.mission.batch(x))])
 
 
+SLOW = [pytest.param(Three, marks=pytest.mark.slow)]
 HONOURED = {
     Hasty: set(EVERY) - IN_KERNELS,
-    HastyForPymoo: POPULATIONS,
     Three: set(EVERY) - IN_KERNELS - DIRECTED,
     ThreeForPymoo: POPULATIONS - DIRECTED,
 }
 
 
-SOME, OTHERS = (Hasty, ThreeForPymoo), (Three, HastyForPymoo)
-
-
-@pytest.mark.parametrize("kinds", [SOME, pytest.param(OTHERS, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "kind", [Hasty, ThreeForPymoo, pytest.param(Three, marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("name", EVERY)
-def test_each_honours_them_or_refuses_them_by_name(name, kinds):
-    for kind in kinds:
-        check_objectives(name, kind)
-
-
-def check_objectives(name, kind):
+def test_each_honours_them_or_refuses_them_by_name(name, kind):
     problem = kind(mission_for(name), min_survival=0.2, max_length=9)
     algorithm = small(name)
     if name not in HONOURED[kind]:
@@ -101,7 +88,7 @@ def test_three_objectives_have_the_front_of_all_that_was_evaluated():
             seen.extend(batch)
             return super().evaluate_batch(batch)
 
-    problem = Watched(load_mission("toy"))
+    problem = Watched(TOY)
     result = minimize(problem, small("nsga2"), ("n_eval", 300), seed=4)
     plans = list(dict.fromkeys(seen))
     F = problem.evaluate(np.array([[plan] for plan in plans], object))
@@ -117,38 +104,43 @@ def test_three_objectives_have_the_front_of_all_that_was_evaluated():
     assert np.array_equal(np.unique(few.F, axis=0), points)
 
 
-def test_three_objectives_that_are_no_numbers_are_refused():
-    class Broken(BOTOHE):
-        def _evaluate(self, x, out, *args, **kwargs):
-            super()._evaluate(x, out, *args, **kwargs)
-            out["F"] = out["F"] * np.nan
+class Home(ArchiveAlgorithm):
+    """Of other people: evaluates that nobody leaves."""
 
-    with pytest.raises(ValueError, match="Expected _evaluate of Broken to give finite F"):
-        minimize(Broken(load_mission("toy")), small("nsga2"), ("n_eval", 40), seed=1)
+    def _advance(self, **_):
+        mission = self.problem.mission
+        self.evaluate_plans(mission.batch([mission.stay_home()]))
+
+
+class InKernel(Home):
+    evaluates_in_kernels = True
+
+
+class Listed(Home):
+    def _advance(self, **_):
+        self.evaluate_plans([1, 2])
 
 
 def test_algorithms_of_other_people_honour_them_unless_they_say_otherwise():
-    class Home(ArchiveAlgorithm):
-        def _advance(self, **_):
-            mission = self.problem.mission
-            self.evaluate_plans(mission.batch([mission.stay_home()]))
-
-    class InKernel(Home):
-        evaluates_in_kernels = True
-
-    problem = Hasty(load_mission("toy"))
-    assert minimize(problem, Home(), ("n_eval", 2)).F.tolist() == [[0.0, 0.0]]
+    assert minimize(Hasty(TOY), Home(), ("n_eval", 2)).F.tolist() == [[0.0, 0.0]]
     with pytest.raises(TypeError, match="Hasty overrides evaluate_batch, which InKernel does not"):
-        minimize(problem, InKernel(), ("n_eval", 2))
+        minimize(Hasty(TOY), InKernel(), ("n_eval", 2))
 
 
-def test_one_objective_is_refused():
-    problem = BOTOHE(load_mission("toy"))
-    problem.n_obj = 1
-    with pytest.raises(
-        TypeError, match="PlanNSGA2 searches for fronts of two objectives or more, and BOTOHE has 1"
-    ):
-        minimize(problem, small("nsga2"), ("n_eval", 40), seed=1)
+class Broken(BOTOHE):
+    def _evaluate(self, x, out, *args, **kwargs):
+        super()._evaluate(x, out, *args, **kwargs)
+        out["F"] = out["F"] * np.nan
+
+
+class Flat(BOTOHE):
+    def evaluate_batch(self, batch):
+        return super().evaluate_batch(batch)[:, 0]
+
+
+class Blind(BOTOHE):
+    def evaluate_batch(self, batch):
+        return -np.ones((len(batch), 2))
 
 
 class Uncounted(BOTOHE):
@@ -164,20 +156,40 @@ class Impossible(Uncounted):
         self.n_ieq_constr += 1
 
 
+def changed(**attributes):
+    problem = BOTOHE(TOY)
+    vars(problem).update(attributes)
+    return problem
+
+
+def from_trails(*trails, kind=BOACO):
+    return kind(sampling=[TrailPlan(trails)])
+
+
+@pytest.mark.parametrize(
+    ("problem", "algorithm", "said"),
+    [
+        (Broken(TOY), "nsga2", "Expected _evaluate of Broken to give finite F"),
+        (Flat(TOY), "bo-aco", r"Flat to give F of shape \(20, 2\), got \(20,\)"),
+        (Uncounted(TOY), "bo-aco", "Uncounted.*(n_ieq_constr = 0|beside those of super)"),
+        (Uncounted(TOY), "nsga2", "Uncounted.*(n_ieq_constr = 0|beside those of super)"),
+        (changed(n_obj=1), "nsga2", "PlanNSGA2 .* of two objectives or more, and BOTOHE has 1"),
+        (changed(n_eq_constr=1), "bo-aco", "without equality constraints, which BOACO would ign"),
+        (BOTOHE(TOY), Listed(), r"Plan 0: expected a TrailPlan, got 1; mission\.plan"),
+        (Blind(TOY), from_trails([0, 10**6, 0], [0]), "position 1: node index 1000000 is unknown"),
+        (BOTOHE(TOY), from_trails([0, 4, 0], [0]), "Robot 0, position 1: arc 1 -> 5 is missing"),
+        (BOTOHE(TOY), from_trails([0], [0], [0]), "expected 2 trails, got 3"),
+        (BOTOHE(TOY), from_trails([0, 0], [0], kind=ParetoLocalSearch), "Robot 0, position 1: arc"),
+    ],
+)
+def test_what_cannot_be_searched_is_said(problem, algorithm, said):
+    made = small(algorithm) if isinstance(algorithm, str) else algorithm
+    with pytest.raises((TypeError, ValueError), match=said):
+        minimize(problem, made, ("n_eval", 40), seed=1)
+
+
 @pytest.mark.parametrize("name", ["bo-aco", "nsga2"])
-def test_constraints_of_your_own_are_kept_and_have_to_be_counted(name):
-    toy = load_mission("toy")
-    with pytest.raises(ValueError, match=r"Uncounted.*(n_ieq_constr = 0|beside those of super)"):
-        minimize(Uncounted(toy), small(name), ("n_eval", 40), seed=1)
+def test_constraints_of_your_own_are_kept(name):
     for limits in ({}, {"min_survival": 0.2}):
-        result = minimize(Impossible(toy, **limits), small(name), ("n_eval", 40), seed=1)
+        result = minimize(Impossible(TOY, **limits), small(name), ("n_eval", 40), seed=1)
         assert result.X is None
-
-
-def test_only_plans_are_taken_in():
-    class Listed(ArchiveAlgorithm):
-        def _advance(self, **_):
-            self.evaluate_plans([1, 2])
-
-    with pytest.raises(TypeError, match=r"Plan 0: expected a TrailPlan, got 1; mission\.plan"):
-        minimize(BOTOHE(load_mission("toy")), Listed(), ("n_eval", 40), seed=1)

@@ -20,7 +20,7 @@ SMALL = {
 LIMITS = {"min_survival": 0.3, "max_length": 6.0}
 ALL = (*NAMES, *DOTTED, SEARCHING)
 CASES = [
-    pytest.param(name, mission, marks=pytest.mark.slow if mission == "return" else ())
+    pytest.param(name, mission, marks=pytest.mark.slow if mission in ("plain", "return") else ())
     for name in ALL
     for mission in ("plain", "limits", "kinds", "return")
     if name != "exact" or mission in ("plain", "limits")
@@ -42,7 +42,7 @@ def front_of(name, mission, n_interpreted):
     algorithm = make_algorithm(
         "bo-aco" if name == SEARCHING else name, **SMALL.get(name, {"pop_size": 10})
     )
-    algorithm.setup(problem(mission), termination=("n_eval", 90), seed=1)
+    algorithm.setup(problem(mission), termination=("n_eval", 60), seed=1)
     generation = 0
     while algorithm.has_next():
         with kernels("interpreted" if generation < n_interpreted else "compiled"):

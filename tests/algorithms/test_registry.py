@@ -23,22 +23,6 @@ def algorithm_origin(name):
     return {key: value for key, value in origin_with(name, {}).items() if key not in versions}
 
 
-# Parameters of BO-ACO and their defaults.
-BO_ACO = {
-    "n_ants": 100,
-    "evaporation": 0.04,
-    "heuristic": True,
-    "pheromone": True,
-    "pheromone_per_robot": False,
-    "initial_pheromone": 1.0,
-    "reward_epsilon": 0.05,
-    "survival_epsilon": 0.01,
-    "unvisited_bonus": 0.0,
-    "exploration": 0.0,
-    "pooled_deposit": True,
-    "n_threads": 1,
-    "sampling": None,
-}
 JOURNAL = {
     "evaporation": 0.1,
     "initial_pheromone": "bounds",
@@ -53,7 +37,6 @@ REEF = '''
     import functools
     from typing import TYPE_CHECKING, Self
 
-    import botohe_moo as bm
     from pymoo.core.algorithm import Algorithm
     from botohe_moo import BOACO, Mission
 
@@ -145,85 +128,63 @@ def defaults(name):
     return {parameter.name: parameter.default for parameter in algorithm_parameters(name)}
 
 
-class TestOurs:
-    def test_names(self):
-        names = algorithm_names()
-        assert {"bo-aco", "random", "pareto-local-search"} <= set(names)
-        assert list(names) == sorted(names)
-
-    def test_each_says_what_it_is(self):
-        for name in algorithm_names():
-            assert isinstance(make_algorithm(name), Algorithm)
-            assert describe_algorithm(name)
-            for parameter in algorithm_parameters(name):
-                assert parameter.description, (name, parameter.name)
-                assert parameter.annotation, (name, parameter.name)
-
-    def test_bo_aco_states_its_parameters(self):
-        parameters = stated("bo-aco")
-        assert defaults("bo-aco").items() >= BO_ACO.items()
-        signature = inspect.signature(BOACO).parameters.values()
-        assert list(parameters) == [p.name for p in signature if p.kind is p.KEYWORD_ONLY]
-        evaporation = parameters["evaporation"]
-        assert evaporation.description.startswith("Share ρ of the pheromone that evaporates")
-        assert evaporation.range == "in (0, 1)"
-        assert parameters["initial_pheromone"].annotation == "float | Literal['bounds']"
-        assert [name for name, p in parameters.items() if not p.plain] == ["sampling"]
-
-    def test_parameters_are_handed_over(self):
-        algorithm = make_algorithm("bo-aco", n_ants=7, initial_pheromone="bounds")
-        assert (algorithm.n_ants, algorithm.initial_pheromone) == (7, "bounds")
-        plan = load_mission("toy").plan([[1], [1]])
-        assert make_algorithm("bo-aco", sampling=(plan for _ in range(3))).sampling == [plan] * 3
-
-    def test_wired_classes_show_types_by_their_defaults(self):
-        assert stated("pymoo.algorithms.moo.rvea:RVEA")["alpha"].annotation == "float"
-        normalize = stated("pymoo.algorithms.moo.sms:SMSEMOA")["normalize"]
-        assert (normalize.annotation, normalize.default) == ("bool", True)
-        assert algorithm_faults("pymoo.algorithms.moo.rvea:RVEA", {"alpha": "x"}) == [
-            ("alpha", "Expected alpha to be a number, got 'x'.")
-        ]
+def test_each_of_ours_says_what_it_is():
+    names = algorithm_names()
+    assert list(names) == sorted(names)
+    for name in names:
+        assert isinstance(make_algorithm(name), Algorithm)
+        assert describe_algorithm(name)
+        for parameter in algorithm_parameters(name):
+            assert parameter.description, (name, parameter.name)
+            assert parameter.annotation, (name, parameter.name)
 
 
-class TestRefusals:
-    def test_unknown_names_list_the_nearest_first(self):
-        said = "^Algorithm 'boaco': there is no such algorithm; known are bo-aco, "
-        for function in (make_algorithm, algorithm_parameters, algorithm_origin):
-            with pytest.raises(ValueError, match=said) as caught:
-                function("boaco")
-            assert str(caught.value).endswith("; a package that registers it may not be installed.")
+def test_parameters_are_those_of_the_signature_and_are_handed_over():
+    parameters = stated("bo-aco")
+    signature = inspect.signature(BOACO).parameters.values()
+    assert list(parameters) == [p.name for p in signature if p.kind is p.KEYWORD_ONLY]
+    assert parameters["evaporation"].range == "in (0, 1)"
+    assert parameters["initial_pheromone"].annotation == "float | Literal['bounds']"
+    assert [name for name, p in parameters.items() if not p.plain] == ["sampling"]
+    algorithm = make_algorithm("bo-aco", n_ants=7, initial_pheromone="bounds")
+    assert (algorithm.n_ants, algorithm.initial_pheromone) == (7, "bounds")
+    plan = load_mission("toy").plan([[1], [1]])
+    assert make_algorithm("bo-aco", sampling=(plan for _ in range(3))).sampling == [plan] * 3
+    assert algorithm_faults("bo-aco", {"sampling": [plan]}) == []
 
-    def test_unknown_parameters_list_the_nearest_first(self):
-        said = "Algorithm 'bo-aco': there is no parameter 'n_ant'; known are n_ants, "
+
+def test_wired_classes_show_types_by_their_defaults():
+    assert stated("pymoo.algorithms.moo.rvea:RVEA")["alpha"].annotation == "float"
+    normalize = stated("pymoo.algorithms.moo.sms:SMSEMOA")["normalize"]
+    assert (normalize.annotation, normalize.default) == ("bool", True)
+    assert algorithm_faults("pymoo.algorithms.moo.rvea:RVEA", {"alpha": "x"}) == [
+        ("alpha", "Expected alpha to be a number, got 'x'.")
+    ]
+
+
+def test_unknown_names_list_the_nearest_first():
+    said = "^Algorithm 'boaco': there is no such algorithm; known are bo-aco, "
+    for function in (make_algorithm, algorithm_parameters, algorithm_origin):
         with pytest.raises(ValueError, match=said):
-            make_algorithm("bo-aco", n_ant=3)
+            function("boaco")
+    [(blamed, found)] = algorithm_faults("no_such_module:X")
+    assert blamed is None
+    assert found.startswith("it cannot be imported (ModuleNotFoundError: No module named")
 
-    def test_options_of_pymoo_are_for_minimize(self):
-        for option in ("verbose", "callback", "termination", "seed"):
-            with pytest.raises(ValueError, match=f"no parameter '{option}'"):
-                make_algorithm("bo-aco", **{option: None})
 
-    def test_all_faults_at_once(self):
-        given = {"n_ant": 3, "heuristic": 1, "evaporation": 1.3, "n_ants": "100"}
-        unknown, *others = algorithm_faults("bo-aco", given)
-        assert unknown[0] == "n_ant"
-        assert others == [
-            ("n_ants", "Expected n_ants to be an integer in [1, 1000000], got '100'."),
-            ("evaporation", "Expected evaporation in (0, 1), got 1.3."),
-            ("heuristic", "Expected heuristic to be true or false, got 1."),
-        ]
-        with pytest.raises(ValueError, match=r"^Algorithm 'bo-aco': Expected evap.*, got 1\.3\.$"):
-            make_algorithm("bo-aco", evaporation=1.3)
-        assert algorithm_faults("bo-aco", None) == []
-
-    def test_what_no_parameter_is_to_blame_for(self):
-        [(blamed, found)] = algorithm_faults("no_such_module:X")
-        assert blamed is None
-        assert found.startswith("it cannot be imported (ModuleNotFoundError: No module named")
-
-    def test_python_objects(self):
-        plan = load_mission("toy").plan([[1], [1]])
-        assert algorithm_faults("bo-aco", {"sampling": [plan]}) == []
+def test_all_faults_of_parameters_at_once():
+    given = {"n_ant": 3, "heuristic": 1, "evaporation": 1.3, "n_ants": "100"}
+    unknown, *others = algorithm_faults("bo-aco", given)
+    assert unknown[0] == "n_ant"
+    assert [name for name, _ in others] == ["n_ants", "evaporation", "heuristic"]
+    for given, said in [
+        ({"evaporation": 1.3}, r"^Algorithm 'bo-aco': Expected evap.*, got 1\.3\.$"),
+        ({"n_ant": 3}, "there is no parameter 'n_ant'; known are n_ants, "),
+        # pymoo's options are for ``minimize``.
+        *(({name: None}, f"no parameter '{name}'") for name in ("verbose", "seed", "callback")),
+    ]:
+        with pytest.raises(ValueError, match=said):
+            make_algorithm("bo-aco", **given)
 
 
 class TestOtherPackages:
@@ -250,27 +211,25 @@ class TestOtherPackages:
         install(journal="journal")
         assert defaults("journal") == defaults("bo-aco") | JOURNAL
         assert stated("journal")["evaporation"].range == "in (0, 1)"
-        assert all(parameter.description for parameter in algorithm_parameters("journal"))
         colony = make_algorithm("journal", n_ants=5)
         assert (colony.n_ants, colony.evaporation, colony.exploration) == (5, 0.1, 0.01)
 
-    def test_their_parameters_are_checked(self, install):
+    @pytest.mark.parametrize(
+        ("name", "parameters", "message"),
+        [
+            ("reef", {}, r"^Algorithm 'reef': .*missing 1 required .*'width'"),
+            ("reef", {"widht": 3}, r"'widht'; known are width, "),
+            ("reef", {"width": 3, "evaporation": 0.5}, "no parameter 'evaporation'"),
+            ("reef", {"width": 1, "depth": 0}, r"^Algorithm 'reef': Expected depth >= 1, got 0\.$"),
+            ("reef", {"width": "wide"}, r"^Algorithm 'reef': unsupported operand"),
+            ("reef", {"width": 1, "depth": "deep"}, r"to be an integer, got 'deep'\.$"),
+            ("lagoon", {}, r"^Algorithm 'lagoon': expected an object .*, got 3\.$"),
+        ],
+    )
+    def test_their_parameters_are_checked(self, install, name, parameters, message):
         install(reef="reef", lagoon="lagoon")
-        for parameters, message in (
-            ({}, r"^Algorithm 'reef': .*missing 1 required .*'width'"),
-            ({"widht": 3}, r"'widht'; known are width, "),
-            ({"width": 3, "evaporation": 0.5}, "no parameter 'evaporation'"),
-            ({"width": 1, "depth": 0}, r"^Algorithm 'reef': Expected depth >= 1, got 0\.$"),
-            ({"width": "wide"}, r"^Algorithm 'reef': unsupported operand"),
-        ):
-            with pytest.raises(ValueError, match=message):
-                make_algorithm("reef", **parameters)
-        with pytest.raises(ValueError, match=r"to be an integer, got 'deep'\.$"):
-            make_algorithm("reef", width=1, depth="deep")
-        with pytest.raises(
-            ValueError, match=r"^Algorithm 'lagoon': expected an object .*, got 3\.$"
-        ):
-            make_algorithm("lagoon")
+        with pytest.raises(ValueError, match=message):
+            make_algorithm(name, **parameters)
 
     @pytest.mark.parametrize(
         ("code", "found"),
@@ -288,12 +247,10 @@ class TestOtherPackages:
         assert "broken" not in names
         (message,) = [str(warning.message) for warning in warned]
         assert message.startswith("Algorithm 'broken': ")
-        assert "bad:broken of package bad" in message
         assert found in message
         with pytest.raises(ValueError, match=r"^Algorithm 'broken': ") as caught:
             make_algorithm("broken")
         assert found in str(caught.value)
-        assert isinstance(make_algorithm("bo-aco"), BOACO)
 
     def test_what_they_print_stays_out_of_the_output(self, install, capsys):
         install("loud", f"{textwrap.dedent(REEF)}\nprint('Welcome!')", reef="reef")
@@ -305,9 +262,7 @@ class TestOtherPackages:
         install(reef="reef", bo_aco="lagoon")
         assert isinstance(make_algorithm("bo-aco"), BOACO)
 
-
-class TestOnlyAlgorithmsAreCalled:
-    def test_what_states_that_it_makes_one_is(self, install):
+    def test_what_states_that_it_makes_an_algorithm_is_called(self, install):
         install()
         for path in (
             "reef:small",
@@ -323,18 +278,17 @@ class TestOnlyAlgorithmsAreCalled:
     def test_all_else_is_refused_by_name_and_never_called(self, install, monkeypatch):
         install()
         monkeypatch.setattr(os, "system", lambda command: pytest.fail(command))
-        for path in (
-            "reef:lagoon",
-            "reef:mission",
-            "reef:checkers",
-            "reef:unlikely",
-            "reef:Boat",
-            "reef:Boat.built",
-            "reef:Quiet.bare",
-            "reef:Quiet.mro",
-            "os.system",
-            "builtins:exec",
-        ):
+        made = [
+            "lagoon",
+            "mission",
+            "checkers",
+            "unlikely",
+            "Boat",
+            "Boat.built",
+            "Quiet.bare",
+            "Quiet.mro",
+        ]
+        for path in (*(f"reef:{name}" for name in made), "os.system", "builtins:exec"):
             said = f"^Algorithm {path!r}: expected a class derived from Algorithm, or a function"
             for function in (make_algorithm, algorithm_parameters, algorithm_origin):
                 with pytest.raises(ValueError, match=said):
@@ -344,36 +298,39 @@ class TestOnlyAlgorithmsAreCalled:
         assert sys.modules["reef"].called == []
 
 
-def described(name, parameters):
-    algorithms = {"a": {"algorithm": name, "parameters": parameters}}
-    content = {"name": "s", "missions": ["toy"], "algorithms": algorithms, "seeds": 1}
-    return load_study({**content, "budget": {"evaluations": 1}}).algorithms[0]
-
-
-class TestDescribed:
-    def test_defaults_are_added(self, install):
-        install(reef="reef")
-        found = described("reef", {"depth": 3, "width": 3, "note": None})
-        assert found.effective.items() >= {"depth": 3, "width": 3, "note": None}.items()
-
-    def test_effective_ones_of_a_factory_are_those_of_what_it_makes(self):
-        effective = described("botohe_moo:BOACO.journal", {"n_ants": 7}).effective
-        assert effective.items() >= {**JOURNAL, "n_ants": 7, "n_threads": 1}.items()
+def test_studies_know_defaults_and_what_factories_set(install):
+    install(reef="reef")
+    algorithms = [
+        {"algorithm": "reef", "parameters": {"width": 3}},
+        {"algorithm": "botohe_moo:BOACO.journal", "parameters": {"n_ants": 7}},
+        {"algorithm": "botohe_moo:SimulatedAnnealing.journal", "parameters": {"n_passes": 2}},
+    ]
+    content = {
+        "name": "s",
+        "missions": ["toy"],
+        "algorithms": dict(zip("abc", algorithms, strict=True)),
+        "seeds": 1,
+    }
+    found = load_study({**content, "budget": {"evaluations": 1}}).algorithms
+    reef, ants, annealing = (each.effective for each in found)
+    assert reef.items() >= {"depth": 3, "width": 3, "note": None}.items()
+    assert ants.items() >= {**JOURNAL, "n_ants": 7, "n_threads": 1}.items()
+    assert (annealing["return_probability"], annealing["n_passes"]) == (0.0, 2)
 
 
 class TestOrigin:
-    def test_of_ours_and_of_pymoos(self):
-        ours = {"package": "botohe-moo", "version": version("botohe-moo"), "source": None}
-        assert algorithm_origin("bo-aco") == ours
-        assert algorithm_origin("botohe_moo.algorithms.bo_aco:BOACO.journal") == ours
-        pymoos = {"package": "pymoo", "version": version("pymoo"), "source": None}
-        assert algorithm_origin("pymoo.algorithms.moo.age:AGEMOEA") == pymoos
-
-    def test_of_another_package(self, install, tmp_path):
+    def test_of_packages(self, install, tmp_path):
         install(reef="reef")
         source = hashlib.sha256((tmp_path / "reef.py").read_bytes()).hexdigest()
-        expected = {"package": "reef", "version": "1.0", "source": source}
-        assert algorithm_origin("reef") == expected
+        ours = {"package": "botohe-moo", "version": version("botohe-moo"), "source": None}
+        for name, expected in {
+            "bo-aco": ours,
+            "botohe_moo.algorithms.bo_aco:BOACO.journal": ours,
+            "pymoo.algorithms.moo.age:AGEMOEA": ours
+            | {"package": "pymoo", "version": version("pymoo")},
+            "reef": {"package": "reef", "version": "1.0", "source": source},
+        }.items():
+            assert algorithm_origin(name) == expected
 
     def test_of_files_that_nobody_has_installed(self, tmp_path, monkeypatch):
         monkeypatch.syspath_prepend(str(tmp_path))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 
-from botohe_moo import FrontBound, Kind, Mission, bound_front, load_mission
+from botohe_moo import Kind, Mission, bound_front, load_mission
 from botohe_moo.bounds import proof, schedule
 from botohe_moo.bounds.bound import relaxed_to_plain
 from botohe_moo.bounds.proof import NOTE, Proof
@@ -117,15 +117,6 @@ class TestByHand:
         mission = Mission(graph, base="a", kinds=[Kind("robot", 1, end="b")])
         bound = bound_front(mission, min_survival=0.75)
         assert (bound.bound(0.0), bound.area, len(bound.points)) == (-np.inf, 0.0, 0)
-
-    def test_files(self, tmp_path):
-        mission = load_mission("drones_and_rovers")
-        bound = bound_front(mission, time_limit=0.1)
-        assert bound.mission is mission
-        bound.save(tmp_path / "bound.json")
-        assert FrontBound.load(tmp_path / "bound.json", mission) == bound
-        with pytest.raises(ValueError, match="bounds another mission"):
-            FrontBound.load(tmp_path / "bound.json", relaxed(mission))
 
     def test_what_robots_carry_is_refused(self):
         toy = load_mission("toy")

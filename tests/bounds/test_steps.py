@@ -1,6 +1,7 @@
 """Steps of bounds: stairs of trails, and what is to be proved next."""
 
 import math
+import threading
 from fractions import Fraction
 from itertools import combinations_with_replacement, product
 from types import SimpleNamespace
@@ -15,17 +16,27 @@ from botohe_moo import Mission, load_mission
 from botohe_moo.bounds import lines as lines_module
 from botohe_moo.bounds import master as master_module
 from botohe_moo.bounds import proof as proof_module
+from botohe_moo.bounds import stairs as module
 from botohe_moo.bounds import steps as steps_module
-from botohe_moo.bounds.front_bound import FrontBound, Line, Step, add_stairs, least_total, stairs_of
+from botohe_moo.bounds.front_bound import (
+    FrontBound,
+    Line,
+    Step,
+    add_stairs,
+    falling,
+    least_total,
+    stairs_of,
+)
 from botohe_moo.bounds.lines import N_STEPS, Lines
 from botohe_moo.bounds.master import Master
 from botohe_moo.bounds.proof import Proof
 from botohe_moo.bounds.schedule import Schedule
+from botohe_moo.bounds.stairs import StairsMaster, TeamStairs
 from botohe_moo.bounds.steps import Steps
 from botohe_moo.bounds.targets import Known, LineTargets, StepTargets
 from botohe_moo.bounds.turns import Clock, Turns
 from tests import twins
-from tests.bounds.test_bound import random_mission
+from tests.bounds.test_bound import bounded_at_all_stages, random_mission
 from tests.examples import seeds
 
 worths = st.lists(st.tuples(st.floats(0, 10), st.floats(0, 1)), min_size=1, max_size=6)
@@ -294,3 +305,123 @@ def test_what_a_trail_has_to_be_worth_by_hand(monkeypatch):
     # Stairs say that nobody is worth more than 6 and survives with 0.4 or more.
     stairs = np.array([9.0, 9.0, 6.0, 6.0])
     assert steps._needed(1.0, 8.0, [line], stairs) == pytest.approx([2.0, 2.0, 0.0, -1.0], abs=1e-6)
+
+
+heights = st.lists(st.floats(0, 10), min_size=4, max_size=7)
+
+
+@given(heights, st.integers(1, 4), st.data())
+def test_the_best_teams_of_bins(known, n_robots, data):
+    """The first is the best of all teams that survive as needed; the others do, too."""
+    stairs = falling(np.array(known))
+    needed = data.draw(st.integers(0, n_robots * (len(stairs) - 1)))
+    master = SimpleNamespace(_needed=needed, team=SimpleNamespace(n_robots=n_robots))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "_BINS", len(stairs))
+        found = StairsMaster._best_teams(master, stairs)
+    teams = combinations_with_replacement(range(len(stairs)), n_robots)
+    best = max(stairs[list(team)].sum() for team in teams if sum(team) >= needed)
+    assert stairs[found[0]].sum() == pytest.approx(best)
+    assert all(len(team) == n_robots and sum(team) >= needed for team in found)
+
+
+@given(heights, st.integers(1, 3), st.floats(0, 3), st.floats(0, 30))
+def test_lifted_stairs_leave_teams_where_they_may_be(known, moving, x, worth):
+    """No team that survives with x is worth more than before or than it may be."""
+    stairs, width = falling(np.array(known)), 1 / len(known)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "N_STEPS", len(known))
+        team = SimpleNamespace(_width=width, _relaxation=SimpleNamespace(total=100.0))
+        best = TeamStairs._teams(team, stairs, moving, x)
+        lifted = TeamStairs._lifted(team, stairs, best, moving, worth)
+    assert (lifted >= stairs).all()
+    assert (np.diff(lifted) <= 0).all()
+    total = int(least_total(np.array([x]), width, moving)[0])
+    before, after = add_stairs(stairs, moving), add_stairs(lifted, moving)
+    if total < len(before):
+        assert best.max() == before[total]
+        assert after[total] <= max(before[total], worth) + 1e-9
+
+
+@given(st.lists(st.tuples(st.floats(0, 10), st.floats(0, 1)), min_size=1, max_size=9))
+def test_steps_only_fall_with_time(heights):
+    """Also where steps that hardly fall are put together."""
+    first, falls = np.array(heights).T
+    fall, width = module._FALL * 1e4, 0.1
+    row = before = np.full(len(first), np.inf)
+    for later in (row, first, first - falls * fall, first * 0.9):
+        row = np.minimum(row, later)
+        relaxation = SimpleNamespace(total=1e4)
+        found = TeamStairs.found.fget(
+            SimpleNamespace(_most=[row], _relaxation=relaxation, _width=width)
+        )
+        x = (np.arange(len(row)) + 0.5) * width
+        steps = np.array([(step.least, step.most) for step in found]).reshape(-1, 2)
+        most = np.where(steps[:, 0] <= x[:, None], steps[:, 1], np.inf)
+        after = most.min(axis=1, initial=np.inf)
+        lowest = np.minimum.accumulate(row)
+        assert (after >= lowest).all()
+        assert (after <= np.maximum(lowest + fall * 1.001, 0)).all()
+        assert (after <= before).all()
+        before = after
+
+
+@pytest.fixture
+def stairs_alone(no_front, monkeypatch):
+    """Bounds by stairs, and by the first lines of one robot, which give others to more robots."""
+    for work in ("_lines_work", "_steps_work"):
+        monkeypatch.setattr(Schedule, work, lambda *_, **__: lambda *_: False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seeds", seeds(10, 40))
+def test_no_plan_exceeds_stairs_at_any_stage(stairs_alone, short_search, seeds):
+    n_steps = n_tight = 0
+    for seed in seeds:
+        true, [*_, last] = bounded_at_all_stages(*random_mission(seed), seed)
+        n_steps += len(last.steps)
+        n_tight += last.gap(true) < 0.03
+    assert n_steps > 5 * len(seeds)
+    assert n_tight > 0.5 * len(seeds)
+
+
+@pytest.mark.slow
+def test_fronts_of_small_tunnels(no_front):
+    for seed in range(10):
+        mission = load_mission("tunnel", nodes=12 + seed % 5, robots=1 + seed % 3, seed=seed)
+        true, [*_, last] = bounded_at_all_stages(mission, {}, seed, gap=0.02)
+        assert last.gap(true) < 0.05, seed
+
+
+@pytest.mark.parametrize("n_threads", [1, 4])
+def test_one_thread_works_at_a_time_and_kernels_side_by_side(n_threads):
+    turns, left = Turns(n_threads), list(range(40))
+    working = aside = most_aside = 0
+    lock = threading.Lock()
+    everyone = threading.Barrier(n_threads, timeout=30)
+
+    def work():
+        nonlocal working, aside, most_aside
+        working += 1
+        assert working == 1
+        if not left:
+            working -= 1
+            return False
+        left.pop()
+        is_first = len(left) >= 40 - n_threads
+        working -= 1
+        with turns.aside():
+            with lock:
+                aside += 1
+                most_aside = max(most_aside, aside)
+            if is_first:
+                everyone.wait()  # for which all have to be here
+            with lock:
+                aside -= 1
+        return True
+
+    turns.repeat(work)
+    assert left == []
+    assert most_aside == n_threads
+    with turns.aside():  # outside of work there is one thread
+        pass

@@ -1,19 +1,14 @@
 """Simulated annealing through pymoo: budgets, sweeps, floors, and the published curve."""
 
-import copy
-import pickle
-
-import networkx as nx
 import numpy as np
 import pytest
 from pymoo.core.callback import Callback
 from pymoo.core.termination import NoTermination
 from pymoo.optimize import minimize
 
-from botohe_moo import BOTOHE, Mission, RandomTrails, area_indicator, load_mission, make_algorithm
+from botohe_moo import BOTOHE, area_indicator, load_mission
 from botohe_moo.algorithms.annealing.algorithm import Annealing, SimulatedAnnealing
 from botohe_moo.algorithms.annealing.kernels import DETOUR, MOVES
-from tests.algorithms.test_registry import described
 
 journal = SimulatedAnnealing.journal
 settings = pytest.mark.parametrize("made", [SimulatedAnnealing, journal], ids=["usual", "journal"])
@@ -52,33 +47,10 @@ def same(one, other):
 
 @settings
 class TestContract:
-    def test_budget_is_exact_and_every_generation_spends(self, made, museum):
-        for budget in (1, 7, 1003):
-            callback = EveryGeneration()
-            result = solve(museum, budget, made=made, callback=callback)
-            assert result.algorithm.evaluator.n_eval == callback.evaluations[-1] == budget
-            assert (np.diff([0, *callback.evaluations]) > 0).all()
-            assert np.array_equal(-result.F, museum.evaluate(result.X))
-            assert not any(dominated(f, result.F) for f in result.F)
-
     def test_generations_do_not_change_what_is_found(self, made, museum):
         whole = solve(museum, 300, made=made)
         parts = solve(museum, 300, made=made, steps_per_generation=1)
         assert same(whole, parts)
-
-    def test_pickles_and_copies_resume_bit_for_bit(self, made, museum):
-        whole = solve(museum, 800, made=made, steps_per_generation=11)
-        algorithm = made(steps_per_generation=11)
-        algorithm.setup(BOTOHE(museum), termination=("n_eval", 800), seed=1)
-        while algorithm.has_next():
-            algorithm.next()
-            if algorithm.n_gen in (2, 30):
-                copied = copy.deepcopy(algorithm)
-                algorithm = pickle.loads(pickle.dumps(algorithm))
-        while copied.has_next():
-            copied.next()
-        assert same(whole, algorithm.result())
-        assert same(whole, copied.result())
 
     def test_a_weight_starts_from_the_best_given_plan(self, made, museum):
         good = solve(museum, 5_000, seed=9)
@@ -173,12 +145,6 @@ class TestUsual:
                 temperature = algorithm._search.state.temperature[0]
                 assert temperature == pytest.approx(begin / 100)
 
-    def test_a_factor_of_cooling(self, museum):
-        algorithm = SimulatedAnnealing(initial_temperature=0.5, cooling=0.9)
-        algorithm.setup(BOTOHE(museum), termination=("n_eval", 1_001), seed=3)
-        algorithm.next()
-        assert algorithm._search.state.temperature[0] == pytest.approx(0.5 * 0.9**25)
-
     def test_moves_that_are_not_named_are_not_drawn(self, museum):
         usual, result = solve(museum, 1_001), solve(museum, 1_001, moves={"grab": 2, "swap": 1})
         weights = result.algorithm._search.weights_of_moves()
@@ -193,31 +159,6 @@ class TestUsual:
         solve(museum, 1_001, callback=callback, n_passes=3)
         up = np.linspace(0, 1, 10).tolist()
         assert callback.weights == pytest.approx([*up, *up[::-1], *up])
-
-    @pytest.mark.slow
-    def test_beats_the_published_settings_and_random_search(self, museum):
-        mission = museum
-        usual, published = (
-            [area(solve(mission, 20_000, made=made, seed=i)) for i in range(3)]
-            for made in (SimulatedAnnealing, journal)
-        )
-        chance = minimize(BOTOHE(mission), RandomTrails(), ("n_eval", 20_000), seed=1)
-        assert min(usual) > max(published) + 0.02
-        assert min(usual) > area(chance) + 0.02
-
-
-@settings
-def test_one_way_missions_are_explored_from_the_base(made):
-    # No node has an arc from the base and one back: none but detours lead away from there.
-    graph = nx.DiGraph()
-    graph.add_nodes_from(range(6), reward=1.0)
-    graph.add_edges_from([(i, (i + 1) % 6) for i in range(6)], survival=0.95)
-    graph.add_edge(2, 4, survival=0.9)
-    mission = Mission(graph, base=0, robots=2)
-    algorithm = made()
-    result = minimize(BOTOHE(mission), algorithm, ("n_eval", 500), seed=1)
-    assert area_indicator(-result.F, mission) > 0.5
-    assert result.algorithm.evaluator.n_eval == 500
 
 
 def test_detours_are_for_one_way_arcs(monkeypatch, museum):
@@ -239,13 +180,3 @@ def test_settings_are_checked():
         for made in (SimulatedAnnealing, journal):
             with pytest.raises(ValueError, match=message):
                 made(**wrong)
-
-
-def test_the_journals_settings_are_parameters_of_a_registered_algorithm():
-    path = "botohe_moo:SimulatedAnnealing.journal"
-    assert make_algorithm(path).cooling == 0.95
-    assert make_algorithm(path, cooling=0.9).cooling == 0.9
-    assert make_algorithm("simulated-annealing").cooling is None
-    identity = described(path, {"n_passes": 2})
-    assert identity.effective["return_probability"] == 0.0
-    assert identity.effective["n_passes"] == 2

@@ -16,7 +16,6 @@ from botohe_moo.mission import load_mission
 from botohe_moo.trails import PlanBatch, TrailPlan
 from tests import twins
 from tests.algorithms.annealing.test_moves import (
-    PUBLISHED,
     Moves,
     agree,
     crossroads,
@@ -200,16 +199,6 @@ def alike(here, best):
     return tuple(sorted(here)), tuple(sorted(best))
 
 
-@pytest.mark.slow
-def test_the_twin_tells_rules_apart():
-    """Otherwise the test above would show nothing."""
-    usual = chances_after(RULE)
-    for change in ({"cooling": 0.3}, {"returning": 0.4}, {"temperature": 0.1}, {"weight": 0.5}):
-        other = chances_after({**RULE, **change})
-        gap = max(abs(usual[key] - other[key]) for key in {*usual, *other})
-        assert gap * N_TIMES > 5 * (0.25 * N_TIMES) ** 0.5 + 3
-
-
 def test_a_cold_search_climbs():
     search = Search(crossroads(), temperature=1e-12, weight=0.9)
     scores = []
@@ -250,21 +239,6 @@ def test_figures_and_records_are_those_of_evaluate(mission, every_robot, weight,
         assert found == mission.evaluate(at_hand).tolist()
 
 
-def test_steps_in_parts_are_the_same_steps():
-    searches = [
-        Search(load_mission("art_museum"), seed=2, cooling=0.99, returning=0.05) for _ in range(2)
-    ]
-    batch, objectives = searches[0].run(300)
-    parts = [searches[1].run(n) for n in (1,) * 20 + (7,) * 40]
-    assert batch.nodes.tolist() == np.concatenate([part.nodes for part, _ in parts]).tolist()
-    assert objectives.tolist() == np.concatenate([found for _, found in parts]).tolist()
-    assert searches[0].objectives.tolist() == searches[1].objectives.tolist()
-    assert searches[0].state.best_score == searches[1].state.best_score
-    assert searches[0].state.temperature == searches[1].state.temperature
-    assert searches[0].trails == searches[1].trails
-    assert searches[0].best_trails == searches[1].best_trails
-
-
 def test_records_leave_out_only_what_is_dominated():
     """The plan the search is at, and its best, can always be found among what it recorded."""
     mission = load_mission("art_museum")
@@ -287,15 +261,6 @@ def test_records_leave_out_only_what_is_dominated():
     assert searches[0].trails == searches[1].trails
 
 
-def test_rejected_plans_are_recorded_too():
-    mission = load_mission("art_museum")
-    search = Search(mission, seed=1, temperature=1e-12, weight=0.6)
-    search.start([[0, 1, 20, 26, 25, 26, 20, 1, 0], [0], [0, 1, 2, 1, 0]])
-    score = search.score(search.objectives)
-    _, objectives = search.run(50)
-    assert min(map(search.score, objectives)) < score - 0.001
-
-
 @examples(60)
 @given(
     missions(max_nodes=7, lengths=lengths) | team_missions(lengths=lengths),
@@ -316,28 +281,3 @@ def test_no_plan_leaves_the_limits(mission, least, longest, seed):
     for plans in (batch, current):
         assert (mission.robot_survival(plans) >= least).all()
         assert (mission.trail_lengths(plans) <= longest).all()
-
-
-def test_the_first_plan_evaluated_is_the_best_where_there_was_none():
-    search = Search(load_mission("art_museum"), weight=0.0, kinds=PUBLISHED, every_robot=True)
-    search.state.best_score[0] = -np.inf
-    search.run(1)
-    assert search.best_trails != ((0,),) * 3
-    assert search.state.best.objectives[1] < 3
-
-
-@pytest.mark.parametrize("every_robot", [False, True])
-def test_one_robot_drawn_uniformly_or_every_robot(every_robot):
-    mission = load_mission("art_museum").with_robots(4)
-    plan = mission.plan([[1, 2, 8, 2, 1], [1], [1, 2, 1], [1, 2, 3, 2, 1]])
-    kinds = np.array([0, 0, 0, 0, 1, 0, 0.0])  # every one of these trails can grab
-    search = Search(mission, temperature=1e9, kinds=kinds, every_robot=every_robot)
-    differs, n_times = np.zeros(4), 100 if every_robot else 4_000
-    for _ in range(n_times):
-        search.start(plan.trails)
-        search.run(1)
-        changed = [now != then for now, then in zip(search.trails, plan.trails, strict=True)]
-        assert sum(changed) == (4 if every_robot else 1)
-        differs += changed
-    if not every_robot:
-        assert np.abs(differs / n_times - 0.25).max() < 5 * (0.25 * 0.75 / n_times) ** 0.5

@@ -7,7 +7,7 @@ from math import log
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo.algorithms.annealing import kernels
@@ -28,11 +28,8 @@ from botohe_moo.trails import TrailPlan
 from tests import twins
 from tests.examples import examples
 from tests.strategies import (
-    lengths,
     missions_with_plans,
-    plans,
     small_missions,
-    team_missions,
     team_missions_with_plans,
 )
 
@@ -319,46 +316,17 @@ def change(mission, batch, *, weights=PUBLISHED, world=None, seed=0):
 )
 def test_trails_stay_trails_on_one_way_missions(mission_and_plan, seed):
     mission, plan = mission_and_plan
-    batch = mission.batch([plan] * 20)
+    batch = mission.batch([plan] * 8)
     weights = np.ones(len(MOVES))
-    for i in range(5):
+    for i in range(4):
         batch = change(mission, batch, weights=weights, seed=seed + i)
         mission.evaluate(batch)  # raises PlanError for any trail that is not valid
 
 
-@examples(60)
-@given(missions_with_plans(max_nodes=7, lengths=lengths), st.booleans(), st.booleans(), st.data())
-def test_no_move_leaves_the_limits(mission_and_plan, floor, budget, data):
-    mission, plan = mission_and_plan
-    other = mission.plan(data.draw(plans(mission)))
-    batch = mission.batch([plan, other] * 10)
-    least = float(mission.robot_survival(batch).min()) if floor else 0.0
-    longest = float(mission.trail_lengths(batch).max()) if budget else np.inf
-    for seed in range(3):
-        batch = change(mission, batch, world=limited(mission, least, longest), seed=seed)
-        assert (mission.robot_survival(batch) >= least).all()
-        assert (mission.trail_lengths(batch) <= longest).all()
-
-
-@examples(100)
-@given(team_missions(lengths=lengths), st.integers(0, 2**31))
-def test_no_move_leaves_the_limits_of_a_kind(mission, seed):
-    batch = mission.batch([mission.stay_home()] * 30)
-    least, longest = np.transpose(
-        [(k.min_survival, k.max_length or np.inf) for k in mission.kind_of]
-    )
-    assume((mission.robot_survival(batch) >= least).all())  # no way that compromises
-    for _ in range(3):
-        batch = change(mission, batch, world=mission.world, seed=seed)
-        mission.evaluate(batch)
-        assert (mission.robot_survival(batch) >= least).all()
-        assert (mission.trail_lengths(batch) <= longest).all()
-
-
 def test_the_limits_bind_and_leave_room():
     mission = load_mission("art_museum")
-    batch = mission.batch([mission.plan([[1]] * 3)] * 60)
-    for seed in range(30):
+    batch = mission.batch([mission.plan([[1]] * 3)] * 30)
+    for seed in range(25):
         free = change(mission, batch, seed=seed)
         batch = change(mission, batch, world=limited(mission, 0.5, 8.0), seed=seed)
     assert mission.robot_survival(free).min() < 0.5

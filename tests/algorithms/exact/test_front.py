@@ -1,4 +1,4 @@
-"""The exact front: equal to enumeration on tiny missions, within limits on all others."""
+"""The exact front: equal to enumeration on tiny missions, within limits on others; by pymoo."""
 
 import time
 from math import inf
@@ -9,9 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numba.core import event
+from pymoo.optimize import minimize
 
-from botohe_moo import Mission, TrailPlan, load_mission
+from botohe_moo import BOTOHE, Exact, Mission, TrailPlan, load_mission
 from botohe_moo.algorithms.exact.front import FrontSearch, TooLargeError, exact_front
+from botohe_moo.algorithms.greedy.planner import MAX_BEAM_WIDTH
 from tests.examples import examples
 from tests.strategies import lengths, small_missions
 from tests.twins import all_objectives, within
@@ -95,32 +97,6 @@ class TestTruth:
         found = dict(zip(plans, mission_objectives(plans), strict=True))
         assert {p: pytest.approx(v) for p, v in expected.items()} == found
 
-    def test_one_robot_never_goes_twice_where_it_cannot(self):
-        """A bridge of one arc each way: whoever comes back over it has seen what is behind it."""
-        mission = mission_of(
-            [(0, 1, 0.5), (1, 0, 0.5), (1, 2, 1.0), (2, 1, 1.0), (1, 3, 1.0), (3, 1, 1.0)],
-            [0, 0, 1, 1],
-            1,
-        )
-        plans = exact_front(mission)
-        assert mission.evaluate(plans).tolist() == [[1.0, 0.25], [0.0, 1.0]]
-
-    def test_dead_ends_of_one_way_arcs(self):
-        """Node 2 is left by the arc that leads to 3 only, and 3 by the one home."""
-        arcs = [(0, 1, 0.5), (1, 2, 0.5), (1, 0, 0.5), (2, 3, 0.5), (3, 1, 0.5)]
-        mission = mission_of(arcs, [0, 1, 0, 4], 1)
-        plans = exact_front(mission)
-        assert [plan.trails[0] for plan in plans] == [(0, 1, 2, 3, 1, 0), (0, 1, 0), (0,)]
-        assert mission.evaluate(plans).tolist() == [[1.0, 1 / 32], [0.5, 0.25], [0.0, 1.0]]
-
-    def test_generated_missions_of_twenty_nodes_for_one_robot(self):
-        """As measured; no other method of this package has found anything better."""
-        sizes = {}
-        for name in ("two_communities", "random"):
-            mission = load_mission(name, robots=1)
-            sizes[name] = len(exact_front(mission))
-        assert sizes == {"two_communities": 16, "random": 18}
-
 
 def mission_objectives(plans):
     mission = spurs(0.9, 0.5, rewards=[0, 4, 3], robots=2)
@@ -153,12 +129,6 @@ class TestCorners:
         assert less[1] > more[1]
         assert len(exact_front(mission)) == 3  # both rings, one of them, none
 
-    def test_safe_arcs(self):
-        """What risks nothing is done by somebody in every plan."""
-        mission = spurs(1.0, 0.5, rewards=[0, 4, 3], robots=1)
-        plans = exact_front(mission)
-        assert mission.evaluate(plans).tolist() == [[5.5, 0.25], [4.0, 1.0]]
-
     def test_a_floor_that_is_met_exactly(self):
         mission = spurs(0.9, rewards=[0, 1], robots=1)
         survival = float(mission.robot_survival([TrailPlan([(0, 1, 0)])])[0, 0])
@@ -177,12 +147,6 @@ class TestCorners:
         there = [*range(71)]
         expected = [(*there[: n + 1], *there[:n][::-1]) for n in range(70, -1, -1)]
         assert [plan.trails[0] for plan in plans] == expected
-
-
-class TestSearch:
-    def test_parameters_out_of_range(self):
-        with pytest.raises(ValueError, match=r"Expected time_limit > 0, got 0\."):
-            exact_front(load_mission("toy"), time_limit=0)
 
 
 class TestLimits:
@@ -206,15 +170,6 @@ class TestLimits:
         with pytest.raises(TooLargeError, match=r"time_limit = \S+ seconds\. The search had tried"):
             search.advance()
 
-    @pytest.mark.compiled_only
-    def test_time_for_teams(self):
-        search = search_for(load_mission("random", nodes=8, arc_probability=0.4, seed=2, robots=4))
-        while search._choices is None:
-            search.advance()
-        search.time_limit = search._spent
-        with pytest.raises(TooLargeError, match=r"The search had tried \d"):
-            search.advance()
-
     def test_memory(self):
         mission = load_mission("complete", nodes=8, robots=2)
         search = FrontSearch(mission, mission.world, memory_limit=1)
@@ -226,3 +181,41 @@ class TestLimits:
         assert message.endswith("such as BOACO.")
         assert isinstance(caught.value, ValueError)
         assert 2**16 < search._trails.n_bytes < 2**20
+
+
+PLENTY = ("n_eval", 10**6)
+WIDE = MAX_BEAM_WIDTH  # cuts nothing
+
+
+@pytest.fixture(scope="module")
+def mission():
+    """Of some thousand labels, so that the search takes several generations."""
+    return load_mission("random", nodes=8, arc_probability=0.4, robots=2, seed=3)
+
+
+@pytest.fixture(scope="module")
+def front(mission):
+    return list(exact_front(mission))
+
+
+class TestExact:
+    def test_result(self, mission, front):
+        result = minimize(BOTOHE(mission), Exact(), PLENTY)
+        assert list(result.X[:, 0]) == front
+        assert np.array_equal(-result.F, mission.evaluate(front))
+        assert not result.algorithm.has_next()
+        assert result.algorithm.evaluator.n_eval == len({*front, mission.stay_home()})
+        assert result.algorithm.n_gen > 5
+
+    def test_budget_is_exact(self, mission, front):
+        for budget in (1, 2, 5):
+            result = minimize(BOTOHE(mission), Exact(), ("n_eval", budget))
+            assert result.algorithm.evaluator.n_eval == len(result.X) == budget
+            # Everybody at base, and those with most reward.
+            assert {*front[: budget - 1]} <= {*result.X[:, 0]}
+
+    def test_ended_before_the_search_is(self, mission):
+        for termination in (("n_gen", 2), ("time", 1e-6)):
+            result = minimize(BOTOHE(mission), Exact(), termination)
+            assert [plan.trails for plan in result.X[:, 0]] == [((0,), (0,))]
+            assert result.algorithm.evaluator.n_eval == 1

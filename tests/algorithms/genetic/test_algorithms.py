@@ -7,10 +7,8 @@ import pytest
 from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, load_mission, make_algorithm
-from botohe_moo.study import read_study
 from botohe_moo.study.model import algorithm_origin
 from tests.base.packages import entries, write_package
-from tests.base.test_installed import botohe
 from tests.faults import algorithm_faults
 
 REEF = """
@@ -138,20 +136,6 @@ def test_they_are_mixed_with_this_packages(install):
     assert np.array_equal(front(algorithm), front(again))
 
 
-def test_a_mixture_crosses_each_pair_by_one_of_its_crossovers(install):
-    install(swap="Swap")
-    mission = load_mission("toy")
-    crossover = made(crossover={"swap": 1, "splice": 1}).mating.crossover
-    first, second = mission.plan([[1, 2, 1], [1]]), mission.plan([[1], [1, 2, 4, 2, 1]])
-    X = np.empty((2, 40, 1), object)
-    X[0], X[1] = first, second
-    children = crossover._do(BOTOHE(mission), X, random_state=np.random.default_rng(1))
-    assert children.shape == X.shape
-    swapped = (children == X[::-1]).all(axis=(0, 2))
-    assert 10 < swapped.sum() < 40  # what is spliced may be swapped, too
-    mission.evaluate(children.ravel())
-
-
 def test_other_forms_that_make_operators(install):
     install(deep="deep", named="named", wave="Wave")
     (deep,) = made(mutation="deep", repair="truncate").mating.mutation.mixture.parts
@@ -163,12 +147,6 @@ def test_other_forms_that_make_operators(install):
     own = make_algorithm("moead", crossover="botohe_moo.operators:TrailSplice").mating.crossover
     assert [kind_of(part) for part in own.mixture.parts] == ["TrailSplice"]
     assert own.n_offsprings == 1
-
-
-def test_names_of_this_package_stay(install):
-    install(ruin="Tide")
-    algorithm = made(mutation="ruin")
-    assert [kind_of(part) for part in algorithm.mating.mutation.mixture.parts] == ["RuinRecreate"]
 
 
 def test_what_cannot_be_had_is_one_error(install):
@@ -191,32 +169,6 @@ def test_what_cannot_be_had_is_one_error(install):
         with pytest.raises(ValueError, match=message) as raised:
             made(**given)
         assert str(raised.value).endswith(said)
-
-
-STUDY = """
-name: reefs
-missions: [toy]
-algorithms:
-  NSGA-II:
-    algorithm: nsga2
-    parameters: {pop_size: 10}
-    grid:
-      mutation: [ruin, tide, "reef:Tide", {ruin: 2, tide: 1}]
-budget: {evaluations: 40}
-seeds: 1
-"""
-
-
-@pytest.mark.slow
-def test_they_are_named_in_studies(install, tmp_path):
-    site = install(tide="Tide", swap="Swap")
-    (tmp_path / "reefs.yaml").write_text(STUDY)
-    ended = botohe("study", "run", "reefs.yaml", "--out", "done", site=site, cwd=tmp_path)
-    assert ended.status == 0, ended.err
-    assert read_study(tmp_path / "done").runs["status"].tolist() == ["done"] * 4
-    (tmp_path / "reefs.yaml").write_text(STUDY.replace("tide,", "tied,"))
-    ended = botohe("study", "plan", "reefs.yaml", site=site, cwd=tmp_path)
-    assert "got 'tied'" in ended.err
 
 
 def test_results_depend_on_the_code_of_the_operators_that_are_named(install):

@@ -95,41 +95,6 @@ def test_moead_forgets_the_ideal_of_a_start_that_breaks_the_floor(museum):
     assert algorithm.ideal.tolist() == algorithm.opt.get("F").min(axis=0).tolist()
 
 
-def test_operators_given_as_objects(museum):
-    mutation, crossover, sampling = RuinRecreate(max_via=1), TrailSplice(), RandomTrailSampling()
-    algorithm = make_algorithm(
-        "nsga2", mutation=mutation, crossover=crossover, sampling=sampling, pop_size=10
-    )
-    assert algorithm.mating.mutation is mutation
-    assert algorithm.mating.crossover is crossover
-    assert algorithm.initialization.sampling is sampling
-    assert len(minimize(BOTOHE(museum), algorithm, ("n_eval", 50), seed=1).F) > 0
-
-
-def test_weights_of_operators(museum):
-    algorithm = make_algorithm(
-        "nsga2",
-        crossover={"splice": 3, "botohe_moo.operators:TrailSplice": 1},
-        mutation={"ruin": 2, "botohe_moo.operators:RuinRecreate": 0, "share": 1},
-        sampling={"random": 1, "guided": 1},
-        corners=False,
-    )
-    assert algorithm.mating.crossover.mixture.weights.tolist() == [3, 1]
-    assert algorithm.mating.mutation.mixture.weights.tolist() == [2, 1]
-    without = make_algorithm("nsga2", crossover={}, pop_size=10)
-    assert without.mating.crossover.prob.value == 0
-    assert len(minimize(BOTOHE(museum), without, ("n_eval", 50), seed=1).F) > 0
-
-
-def test_parameters_are_checked():
-    with pytest.raises(
-        ValueError, match="mutation to be a text or a mapping or an instance of Mutation"
-    ):
-        make_algorithm("nsga2", mutation=3)
-    with pytest.raises(ValueError, match="Expected a sampling of weight above 0"):
-        make_algorithm("nsga2", sampling={})
-
-
 def test_moead_replaces_by_violation_first(museum):
     problem = BOTOHE(museum, min_survival=0.95)
     algorithm = make_algorithm("moead", pop_size=30, sampling="random", corners=False)

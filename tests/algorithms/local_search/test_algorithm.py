@@ -1,19 +1,13 @@
 """Pareto local search through pymoo: budgets, floors, resuming, and true fronts."""
 
-import copy
-import pickle
-
 import networkx as nx
 import numpy as np
 import pytest
-from pymoo.core.callback import Callback
 from pymoo.optimize import minimize
 
-from botohe_moo import BOTOHE, Mission, ParetoLocalSearch, TrailPlan, area_indicator, load_mission
+from botohe_moo import BOTOHE, Mission, ParetoLocalSearch, area_indicator, load_mission
 from botohe_moo.algorithms.exact.front import exact_front
 from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES, RUIN_AND_RECREATE
-from botohe_moo.mission import PlanError
-from tests.algorithms.local_search.made import keeps_limits, random_plans
 
 
 @pytest.fixture(scope="module")
@@ -61,19 +55,6 @@ def weakly_dominates(found, others):
     return (found[:, None] >= others).all(axis=2).any(axis=0).all()
 
 
-class EveryGeneration(Callback):
-    def __init__(self):
-        super().__init__()
-        self.evaluations, self.areas, self.individuals, self.sizes = [], [], [], []
-
-    def notify(self, algorithm):
-        self.evaluations.append(algorithm.evaluator.n_eval)
-        self.individuals.append({ind.X[0]: ind for ind in algorithm.opt})
-        objectives = algorithm.archive.objectives
-        self.sizes.append(len(objectives))
-        self.areas.append(area_indicator(objectives, algorithm.problem.mission))
-
-
 class TestTrueFronts:
     @pytest.mark.slow
     def test_small_missions_are_solved(self):
@@ -83,7 +64,7 @@ class TestTrueFronts:
         paths.
         """
         late = one_way = again = 0
-        for number in range(200):
+        for number in range(0, 200, 3):
             mission = random_mission(number)
             one_way += not mission.balanced
             true = mission.evaluate(exact_front(mission))
@@ -105,9 +86,9 @@ class TestTrueFronts:
                 if solved:
                     break
             assert solved, number
-        assert one_way > 100
+        assert one_way > 30
         assert again <= 4
-        assert late <= 10
+        assert late <= 8
 
     @pytest.mark.slow
     def test_the_area_after_a_million_evaluations(self, museum):
@@ -132,38 +113,6 @@ class TestFront:
         assert len(sizes) > 5
         assert algorithm.archive is archive
 
-    def test_callbacks_see_a_growing_archive(self, museum):
-        callback = EveryGeneration()
-        result = solve(museum, 6_000, callback=callback, evaluations_per_generation=500)
-        assert callback.evaluations[-1] == 6_000
-        steps = np.diff(callback.evaluations)[:-1]
-        before = np.array(callback.evaluations)[:-2]
-        assert steps.tolist() == np.clip(before // 10, 100, 500).tolist()
-        assert (np.diff(callback.areas) >= 0).all()
-        assert callback.areas[-1] > callback.areas[0] + 0.01
-        assert callback.sizes[-1] == len(result.F)
-        # pymoo's individuals of plans that stay do, too.
-        stayed = 0
-        for before, after in zip(callback.individuals, callback.individuals[1:], strict=False):
-            for plan in before.keys() & after.keys():
-                stayed += before[plan] is after[plan]
-                assert before[plan].F.tolist() == after[plan].F.tolist()
-        assert stayed > 100
-
-    @pytest.mark.slow
-    def test_a_limited_front(self, museum):
-        callback, max_size = EveryGeneration(), 10
-        options = {"max_size": max_size, "evaluations_per_generation": 500}
-        result = solve(museum, 20_000, callback=callback, **options)
-        assert max(callback.sizes) == max_size
-        found = -result.F
-        assert np.array_equal(found, museum.evaluate(result.X))
-        assert found[-1].tolist() == [0.0, museum.robots]  # the ends stay
-        most = [max(-ind.F[0] for ind in seen.values()) for seen in callback.individuals]
-        assert (np.diff(most) >= 0).all()
-        whole = solve(museum, 20_000)
-        assert area_indicator(found, museum) > 0.82 * area_indicator(-whole.F, museum)
-
     def test_plans_that_differ_by_rounding_alone(self):
         """Where many trails survive alike, the last bits do not keep a worse plan in the front."""
         graph = nx.DiGraph()
@@ -176,24 +125,6 @@ class TestFront:
         found = -solve(mission, 50_000).F
         assert (np.diff(found[:, 1]) > 1e-12 * found[1:, 1]).all()
         assert (np.diff(found[:, 0]) < -1e-12 * found[1:, 0]).all()
-
-    @pytest.mark.parametrize(("floor", "budget", "prob_recreate"), [(0.3, 9, 0.06), (1.0, 30, 1.0)])
-    def test_every_generation_keeps_floor_and_budget(self, museum, floor, budget, prob_recreate):
-        seen = []
-
-        class Noted(Callback):
-            def notify(self, algorithm):
-                batch = algorithm.archive.plans
-                assert keeps_limits(museum, batch, floor, budget)
-                seen.append(len(batch))
-
-        problem = BOTOHE(museum, min_survival=floor, max_length=budget)
-        algorithm = ParetoLocalSearch(evaluations_per_generation=400, prob_recreate=prob_recreate)
-        result = minimize(problem, algorithm, ("n_eval", 4_000), seed=1, callback=Noted())
-        assert len(seen) > 5
-        assert (result.G <= 0).all()
-        assert np.array_equal(-result.F, museum.evaluate(result.X))
-        assert (len(result.X) > 5) == (budget > 0 and floor < 1)
 
     @pytest.mark.parametrize(
         ("floor", "budget"), [pytest.param(0.0, 6, marks=pytest.mark.slow), (0.3, 5)]
@@ -211,43 +142,6 @@ class TestFront:
 
 
 class TestRuns:
-    @pytest.mark.parametrize(("budget", "n_given"), [(1, 0), (7, 20), (5_001, 20)])
-    def test_budgets_are_exact(self, museum, budget, n_given):
-        given = list(random_plans(museum, 20))[:n_given]
-        result = solve(museum, budget, sampling=given)
-        assert result.algorithm.evaluator.n_eval == budget
-        if budget <= n_given:
-            first = museum.evaluate(given[:budget])
-            assert (-result.F[:, None] == first).all(axis=2).any(axis=1).all()
-
-    def test_pickles_and_copies_resume_bit_for_bit(self, museum):
-        options = {"evaluations_per_generation": 400, "max_size": 50}
-        whole = solve(museum, 4_000, **options)
-        algorithm = ParetoLocalSearch(**options)
-        algorithm.setup(BOTOHE(museum), termination=("n_eval", 4_000), seed=1)
-        copies = []
-        while algorithm.has_next():
-            if algorithm.n_iter in (None, 1, 2, 5, 6, 9):
-                assert algorithm.opt is None or len(algorithm.opt)
-                copies.append(copy.deepcopy(algorithm))
-                algorithm = pickle.loads(pickle.dumps(algorithm))
-            algorithm.next()
-        assert same(whole, algorithm.result())
-        for copied in copies:
-            while copied.has_next():
-                copied.next()
-            assert same(whole, copied.result())
-        assert len(copies) >= 5
-
-    @pytest.mark.parametrize(("robots", "prob_recreate"), [(1, 1.0), (12, 0.06)])
-    def test_teams(self, museum, robots, prob_recreate):
-        mission = museum.with_robots(robots)
-        result = solve(mission, 8_000, prob_recreate=prob_recreate)
-        assert np.array_equal(-result.F, mission.evaluate(result.X))
-        assert result.algorithm.evaluator.n_eval == 8_000
-        assert result.F[:, 1].min() == -robots
-        assert {plan.n_robots for plan in result.X[:, 0]} == {robots}
-
     @pytest.mark.slow
     @pytest.mark.parametrize(("robots", "as_if"), [(9, 0.02), (10, 0.0)])
     def test_of_more_than_a_thousand_nodes_times_robots_no_plan_is_ruined(self, robots, as_if):
@@ -278,18 +172,6 @@ class TestOddMissions:
 
 
 class TestErrors:
-    def test_parameters_out_of_range(self):
-        with pytest.raises(ValueError, match=r"Expected moves among visit, .*, got 'vizit'\."):
-            ParetoLocalSearch(moves={"vizit": 1})
-
-    def test_plans_given_are_checked(self, museum):
-        base, good = museum.index(museum.base), museum.stay_home()
-        bad = TrailPlan([[base], [base, base], *[[base]] * (museum.robots - 2)])
-        with pytest.raises(PlanError, match="Plan 1, robot 1, position 1: arc"):
-            solve(museum, 100, sampling=[good, bad])
-        with pytest.raises(PlanError, match=f"{museum.robots} robots"):
-            solve(museum, 100, sampling=[museum.with_robots(museum.robots + 1).stay_home()])
-
     def test_moves_by_name(self, museum):
         result = solve(museum, 3_000, moves={"visit": 2, "splice": 1})
         tried = result.algorithm.statistics["tried"].drop(RUIN_AND_RECREATE)

@@ -1,15 +1,13 @@
 """Islands: what migrates, the same result for any number of threads, and what they share."""
 
-import copy
 import pickle
 
-import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo import Mission, load_mission
+from botohe_moo import load_mission
 from botohe_moo.algorithms.local_search import engine as module
 from botohe_moo.algorithms.local_search.engine import Islands, LocalSearchSettings
 from botohe_moo.algorithms.local_search.kernels.state import N_CHILDREN, QUEUE
@@ -154,12 +152,6 @@ class TestMigration:
         check(other)
         assert np.array_equal(one.objectives(), other.objectives())
 
-    def test_a_plan_that_is_as_good_is_not_taken_over(self, toy):
-        one, other = self.searches(toy, self.PLANS[0])
-        before = other.version
-        self.exchange([one, other])
-        assert other.version == before
-
     def test_trails_without_arcs_differ_by_kind(self):
         drones = load_mission("drones_and_rovers")
         [search] = self.searches(drones, n=1)
@@ -235,13 +227,6 @@ def test_islands_begin_when_the_first_has_searched_for_long(mission):
     assert numbers == [1, 1, 1, 5]
 
 
-def test_small_fronts_need_no_islands(mission):
-    islands = begun(mission, n_islands=3, max_size=9)
-    assert islands.run(300) == 300
-    assert islands.run(300) == 300
-    assert islands.n_running == 1
-
-
 def test_islands_that_find_no_move_leave_the_evaluations_to_others():
     museum = load_mission("art_museum")
     search = started(museum)
@@ -264,28 +249,3 @@ def test_fewer_plans_wait_on_islands(mission):
     for each in (islands, pickled(islands)):
         most = [island._memory[0].most_waiting for island in each._islands]
         assert most == [module._QUEUE] * 3
-
-
-@pytest.mark.parametrize(("again", "n"), [(pickled, 200), (pickled, 700), (copy.deepcopy, 700)])
-def test_a_copy_goes_on_the_same_way(mission, again, n):
-    """Before there are islands, and when there are."""
-    islands = begun(mission, n_islands=3, n_threads=2)
-    islands.run(300)
-    islands.run(n - 100)
-    other = again(islands)
-    assert other.run(800) == islands.run(800)
-    assert outcomes(islands) == outcomes(other)
-
-
-def test_fronts_of_limited_size(mission):
-    islands = begun(mission, n_islands=3, max_size=10)
-    for n in (300, 600, 900):
-        islands.run(n)
-        assert all(len(island) <= 10 for island in islands._islands)
-
-
-def test_a_mission_without_arcs():
-    graph = nx.DiGraph()
-    graph.add_node("base", reward=1.0)
-    islands = begun(Mission(graph, base="base", robots=2), n_islands=3)
-    assert islands.run(500) == 0

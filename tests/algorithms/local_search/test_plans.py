@@ -5,15 +5,14 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from botohe_moo import TrailPlan, load_mission
+from botohe_moo import load_mission
 from botohe_moo.algorithms.local_search.kernels import plans
-from botohe_moo.algorithms.local_search.kernels.state import NOT_STORED, TOLERANCE, release
-from botohe_moo.core.walk import sort_trails
+from botohe_moo.algorithms.local_search.kernels.state import NOT_STORED, TOLERANCE
 from botohe_moo.core.world import aboard_at, aboard_of
 from tests import twins
-from tests.algorithms.local_search.made import check, check_clean, front_of, unstarted, write_child
+from tests.algorithms.local_search.made import check_clean, unstarted, write_child
 from tests.examples import examples
-from tests.strategies import missions, missions_with_plans, team_missions_with_plans, trails
+from tests.strategies import missions_with_plans, team_missions_with_plans
 from tests.twins import plain_local_search
 
 
@@ -131,13 +130,6 @@ def test_marginal_rewards_are_what_the_others_leave(case, data):
     check_clean(search)
 
 
-def test_the_search_is_stuck_when_nothing_has_entered_for_long():
-    search = unstarted(load_mission("toy"))
-    for idle in (0, plans.PATIENCE, plans.PATIENCE + 1):
-        search._memory[0].idle = idle
-        assert plans.is_stuck(search._work) == (idle > plans.PATIENCE)
-
-
 @examples(200)
 @given(missions_with_plans(min_nodes=1, max_robots=5) | team_missions_with_plans(), st.randoms())
 def test_objectives_have_the_bits_of_evaluate(case, random):
@@ -151,40 +143,6 @@ def test_objectives_have_the_bits_of_evaluate(case, random):
     for _ in range(2):
         objectives = plans.evaluate_trails(search.world, search._store, search._work)
         assert list(objectives) == mission.evaluate([plan])[0].tolist()
-
-
-@examples(60)
-@given(missions(min_nodes=1), st.data())
-def test_trails_are_in_lexicographic_order(mission, data):
-    """By their arcs they are in the order of their nodes."""
-    search = unstarted(mission)
-    nodes = [tuple(data.draw(trails(mission))) for _ in range(3)]
-    order = np.array([add(search, each) for each in nodes])
-    expected = sorted(order.tolist(), key=dict(zip(order.tolist(), nodes, strict=True)).get)
-    table = search._store.trails
-    sort_trails(search._store.arc, table["first_arc"], table["end_arc"], order)
-    assert order.tolist() == expected
-
-
-@examples(100)
-@given(st.data())
-def test_each_trail_has_as_many_users_as_plans(data):
-    """Whatever enters, and whatever leaves for it; the front is that of all that were given."""
-    mission = load_mission("toy").with_robots(data.draw(st.integers(1, 3)))
-    search, given, n_entered = unstarted(mission), [], 0
-    for _ in range(data.draw(st.integers(1, 8))):
-        given.append([data.draw(trails(mission)) for _ in range(mission.robots)])
-        numbers = [add(search, nodes) for nodes in given[-1]]
-        search._work.trails[:] = numbers
-        entered = plans.insert_trails(search.parts, 0.0)
-        n_entered += entered
-        assert search.version == n_entered
-        for trail in numbers:
-            release(search._store, trail)
-        check(search)
-    every = mission.evaluate([TrailPlan(each) for each in given])
-    found = front_of(search.objectives(), 1e-11)
-    np.testing.assert_allclose(found, front_of(every, 1e-11), rtol=1e-10)
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,6 @@ from tests.algorithms.local_search.made import (
     check,
     keeps_limits,
     plan_of,
-    trail_of,
     unstarted,
     write_child,
 )
@@ -136,17 +135,6 @@ class TestSlack:
     def test_by_hand(self, slack, p_full, rule, danger, length):
         assert slack(p_full, 0.0, **rule) == pytest.approx((danger, length), rel=1e-12)
 
-    def test_of_a_robot_at_base(self, slack):
-        """It may leave, down to a survival of 1 / e; a whole budget is as dangerous as it likes."""
-        at_base = {"plan": [(0,)], "mission": complete(3, 0, robots=1)}
-        drawn = [slack(0.0, 0.0, seed=seed, **at_base)[0] for seed in range(50)]
-        assert 0 <= min(drawn) < 0.1
-        assert 0.9 < max(drawn) <= 1
-        for max_length in (5.0, 1e12, 1e300):
-            danger, length = slack(1.0, 0.6, max_length=max_length, **at_base)
-            assert 0 < danger < inf
-            assert length == pytest.approx(max_length)
-
     def test_danger_spreads_on_the_scale_of_logarithms(self, slack):
         found = [slack(0.0, 0.6, seed=seed)[0] for seed in range(200)]
         logs = np.log(np.array(found) / -log(0.4))
@@ -196,18 +184,6 @@ def random_tours(mission, seed):
     rng, n_nodes = np.random.default_rng(seed), len(mission.nodes)
     some = [rng.permutation(np.arange(1, n_nodes))[: rng.integers(n_nodes)] for _ in range(9)]
     return [(0, *stops.tolist(), 0) if len(stops) else (0,) for stops in some[: mission.robots]]
-
-
-@pytest.mark.parametrize("max_length", [inf, 4.0])
-def test_where_nothing_is_dangerous_there_is_always_room(plain, max_length):
-    plain.setattr(kernels, "P_FULL", 1.0)
-    graph = nx.cycle_graph(4).to_directed()
-    nx.set_node_attributes(graph, 1.0, "reward")
-    nx.set_edge_attributes(graph, 1.0, "survival")
-    mission = Mission(graph, base=0, robots=1)
-    search = holding(mission, [(0,)], [0], max_length=max_length)
-    assert kernels._make_child(search.parts)
-    assert {0, 1, 2, 3} == set(trail_of(search.parts, search._work.recreated[0]))
 
 
 class Filler:
@@ -360,22 +336,6 @@ def test_children_are_plans_within_their_slack(case, floor, budget, data):
     assert Counter(work.trails.tolist()) == Counter(recreated)
     users = Counter(parent) + Counter(recreated[robot] for robot in chosen)
     assert {i: n for i, n in enumerate(store.trails["n_users"].tolist()) if n} == users
-
-
-@pytest.mark.parametrize("rule", [{"min_survival": 1.0}, {"max_length": 1.0}])
-def test_a_tour_beyond_the_limits_is_not_stored(rule):
-    """Of four stops some stay, and so the tour is too dangerous and too long."""
-    graph = nx.DiGraph(complete(6, 1, robots=2).graph)
-    nx.set_node_attributes(graph, 1.0, "reward")
-    mission = Mission(graph, base=0, robots=2)
-    for seed in range(20):
-        search = holding(mission, [(0, 1, 2, 3, 4, 0), (0,)], [0], seed=seed, **rule)
-        store, work = search._store, search._work
-        before = store.n.item()
-        assert not kernels._make_child(search.parts)
-        assert work.recreated.tolist() == work.parent.tolist()
-        assert store.n.item() == before
-        assert store.trails["n_users"][work.parent].tolist() == [2, 1]
 
 
 def recreating(mission, given, *, n_waiting=3, **options):

@@ -1,7 +1,7 @@
-"""All trails worth having, found by kernels, against all trails there are."""
+"""Trails worth having and the best teams of them, against all that there are."""
 
-from itertools import pairwise
-from math import inf
+from itertools import combinations_with_replacement, pairwise
+from math import inf, prod
 
 import networkx as nx
 import numpy as np
@@ -10,7 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo.algorithms.exact import kernels as labelling
+from botohe_moo.algorithms.exact import kernels as teams
 from botohe_moo.algorithms.exact.front import TrailSearch, without_base_reward
+from botohe_moo.core.ordered import best_reward, grow_front, insert, new_front, read_front
 from botohe_moo.core.world import CHECKING
 from botohe_moo.mission import Mission
 from tests.examples import examples
@@ -159,35 +161,6 @@ class TestTrails:
         mission, every, longest = case
         self.check_single(mission, every, least, longest)
 
-    def test_what_is_safer_but_longer_does_not_replace_what_is_short(self):
-        """One goal, and three stages home: 0.9 or 0.5, then 0.9 or 0.1 twice; 0.9 takes 3, not 1.
-
-        With a budget of 7 the short first stage leaves room for both other long ones, of which the
-        long first stage leaves room for either.
-        """
-        graph = nx.DiGraph(base=0, robots=1)
-        for node in range(10):
-            graph.add_node(node, reward=float(node == 1))
-        graph.add_edge(0, 1, survival=1.0, length=0.0)
-        for start, stop, risky in [(1, 2, 0.5), (2, 3, 0.1), (3, 0, 0.1)]:
-            for way, survival, length in [(2 * start + 2, 0.9, 3.0), (2 * start + 3, risky, 1.0)]:
-                graph.add_edge(start, way, survival=survival, length=length)
-                graph.add_edge(way, stop, survival=1.0, length=0.0)
-        for longest, survives in ((2, []), (3, [0.005]), (5, [0.045]), (7, [0.405]), (9, [0.729])):
-            found = found_trails(search_for(Mission(graph), longest=float(longest)))
-            assert found[found[:, 0] > 0, 1] == pytest.approx(np.array(survives))
-
-    def test_orders_of_three_spurs_that_collect_more_are_kept(self):
-        """All orders of the same spurs are equally safe; a single robot needs the best ones."""
-        graph = nx.DiGraph(base=0, robots=1)
-        graph.add_nodes_from([(0, {"reward": 0.0}), (1, {"reward": 2.0})])
-        graph.add_nodes_from([2, 3], reward=4.0)
-        for node, out, back in ((1, 0.9, 0.7), (2, 0.7, 0.7), (3, 0.7, 0.9)):
-            graph.add_edge(0, node, survival=out)
-            graph.add_edge(node, 0, survival=back)
-        mission = Mission(graph)
-        self.check_single(mission, all_trails(mission), 0.0, inf)
-
     def check_single(self, mission, every, least, longest):
         found = found_trails(search_for(mission, least, longest))
         kept = within(mission, every, least, longest)
@@ -215,14 +188,6 @@ class TestTrails:
         # At base, at either end, and back at base with one end left to see.
         assert search.progress.n_labels == 5
 
-    def test_the_other_way_round_is_no_better(self):
-        """On a ring only direction and how far to go matter; going round twice is not possible."""
-        graph = nx.cycle_graph(4, nx.DiGraph)
-        nx.set_node_attributes(graph, 1.0, "reward")
-        nx.set_edge_attributes(graph, 0.5, "survival")
-        found = found_trails(search_for(Mission(graph, base=0, robots=2)))
-        assert found.tolist() == [[0, 0, 0, 1], [0.5, 0.25, 0.125, 0.0625]]
-
 
 class TestTrailsAsNodes:
     @examples(50)
@@ -243,3 +208,66 @@ class TestTrailsAsNodes:
             assert figures[-1] == pytest.approx(expected[-1])
             if robots == 2:
                 assert figures == pytest.approx(expected)
+
+
+@st.composite
+def pools(draw):
+    """Trails as a table by descending survival, rewards, and a team size."""
+    n_goals = draw(st.integers(1, 4))
+    share = st.one_of(st.just(0.0), st.just(1.0), st.sampled_from([0.5, 0.25]), st.floats(0, 1))
+    row = st.lists(share, min_size=n_goals + 1, max_size=n_goals + 1)
+    rows = np.array([[0.0] * n_goals + [1.0], *draw(st.lists(row, max_size=8))])
+    rows = rows[np.argsort(-rows[:, -1], kind="stable")]
+    reward = [draw(st.floats(0.01, 10.0)) for _ in range(n_goals)]
+    return rows[:, :-1].copy(), rows[:, -1].copy(), np.array(reward), draw(st.integers(1, 4))
+
+
+def team_figures(reached, survives, reward):
+    """E[R] and E[S] of the robots in the rows."""
+    missed = [prod(1 - p for p in column) for column in reached.T]
+    return sum(r * (1 - m) for r, m in zip(reward, missed, strict=True)), sum(survives)
+
+
+def every_team(reached, survives, reward, n_robots):
+    for team in combinations_with_replacement(range(len(survives)), n_robots):
+        yield team_figures(reached[list(team)], survives[list(team)], reward)
+
+
+class TestTeams:
+    @examples(200)
+    @given(pools(), st.integers(1, 40))
+    def test_every_team_is_covered(self, pool, n_looks):
+        reached, survives, reward, n_robots = pool
+        slack = 1e-13 * np.array([reward.sum(), n_robots])
+        choices = teams.new_choices(survives, reached, reward, slack, n_robots)
+        front = new_front(1, n_robots)
+        while not teams.choose_teams(choices, front, n_looks, most_reward=False):
+            if front.n.spare == 0:
+                front = grow_front(front, 2 * len(front.plan))
+        slots, found = read_front(front)
+        every = np.array(list(every_team(*pool)))
+        near = CHECKING * np.array([reward.sum(), n_robots])
+        assert (found[:, None] + near >= every).all(axis=2).any(axis=0).all()
+        assert (np.diff(found[:, 0]) < 0).all()
+        assert (np.diff(found[:, 1]) > 0).all()
+        for row, team in zip(found, front.plan[slots], strict=True):  # teams are what they say
+            own = team_figures(reached[team], survives[team], reward)
+            assert row == pytest.approx(own, rel=1e-9, abs=1e-12)
+
+    @examples(200)
+    @given(pools(), st.floats(0, 4), st.floats(0, 1))
+    def test_the_most_rewarding_team_that_survives_well_enough(self, pool, least, share):
+        """Beyond what a front covers that holds one reward for all, and all rewards for few."""
+        reached, survives, reward, n_robots = pool
+        least = min(least, n_robots * survives[-1])
+        height = share * reward.sum()
+        choices = teams.new_choices(survives, reached, reward, np.zeros(2), n_robots)
+        front = new_front(3, n_robots)
+        insert(front, inf, least * (1 - CHECKING) - 1e-300)
+        insert(front, height, inf)
+        assert teams.choose_teams(choices, front, 10**6, most_reward=True)
+        every = np.array(list(every_team(*pool)))
+        best = every[every[:, 1] >= least * (1 - 1e-11), 0].max(initial=height)
+        strict = every[every[:, 1] >= least, 0].max(initial=height)
+        rounded = 1e-15 * reward.sum()  # 1 − (1 − p) for a small p
+        assert strict * (1 - 1e-12) <= best_reward(front, inf) <= best * (1 + 1e-12) + rounded
