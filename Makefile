@@ -97,9 +97,9 @@ dist: $(READY_FOR_DIST)
 
 # Kernels run uncompiled for lines to be seen in them; the other tests take too long without compiled ones.
 COVERED_UNCOMPILED := tests/core tests/operators tests/outcomes tests/bounds/test_kernels.py \
-	$(addprefix tests/algorithms/, annealing bo_aco/test_kernels.py exact/test_kernels.py \
+	$(addprefix tests/algorithms/, annealing/test_kernels.py bo_aco/test_kernels.py exact/test_kernels.py \
 	greedy/test_kernels.py) \
-	$(addprefix tests/algorithms/local_search/test_, moves.py plans.py recreate.py search.py state.py)
+	$(addprefix tests/algorithms/local_search/test_, recreate.py search.py state.py)
 COVERED := $(subst -m pytest,-m coverage run -m pytest,$(PYTEST))
 coverage: $(READY)
 	$(BIN)/python -m coverage erase

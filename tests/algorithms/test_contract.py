@@ -212,16 +212,9 @@ def test_exact_refuses_kinds_by_name():
 def area_on_sites(name):
     """The areas on a site, on it from elsewhere, and in the museum on return, all in all."""
     site = load_mission("drones_and_rovers")
-    walled = site.graph.copy()
-    for node in ("lab 1", "office 3"):  # nobody gets to one, and drones not to the other
-        for arc in walled.in_edges(node):
-            walled.edges[arc]["survival"] = {"drone": 0, "rover": float(node == "lab 1")}
-    with pytest.warns(UserWarning, match="no kind of robots can collect the reward of 'office 3'"):
-        walled = Mission(
-            walled, kinds=[Kind("rover", 2, start="lab 4"), Kind("drone", 1, end="roof")]
-        )
+    kinds = [Kind("rover", 2, start="lab 4"), Kind("drone", 1, end="roof")]
     found = 0.0
-    for mission in (site, walled, load_mission("art_museum_return")):
+    for mission in (site, Mission(site.graph, kinds=kinds), load_mission("art_museum_return")):
         result = minimize(BOTOHE(mission), make_algorithm(name), ("n_eval", 1_000), seed=1)
         found += area_indicator(-result.F, mission)
     return found
@@ -266,21 +259,11 @@ class Until(Callback):
             algorithm.termination.terminate()
 
 
-def supported(objectives, mission):
-    """Those that are best for some weight: all that a sweep of weights looks for."""
-    weights = np.linspace(0, 1, 100)[:, None]
-    worth = weights * objectives[:, 0] / mission.total_reward
-    return objectives[(worth + (1 - weights) * objectives[:, 1] / mission.robots).argmax(axis=1)]
-
-
-@pytest.mark.parametrize("name", NAMES)
+# Greedy planning promises no more than plans that are best for some weight.
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "greedy"])
 def test_one_way_missions_are_solved(name):
     mission = blind_alley()
     front = mission.evaluate(exact_front(mission))
-    if name == "greedy":
-        # It ends with its sweep, and promises no more than plans that are best for some weight:
-        # with few robots much of the front may lie between them.
-        front = supported(front, mission)
     reached = Until(0.9 * area_indicator(front, mission))
     algorithm = make_algorithm(name)
     minimize(BOTOHE(mission), algorithm, ("n_eval", 50_000), seed=1, callback=reached)

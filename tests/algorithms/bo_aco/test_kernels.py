@@ -225,30 +225,6 @@ def test_limits_are_kept_everywhere(mission, least, longest, allocation, seed):
     assert (mission.trail_lengths(batch) <= problem.limits.budgets).all()
 
 
-def tied_ways(seed):
-    """Many ways home are as safe as others, and longer."""
-    rng = np.random.default_rng(seed)
-    graph = nx.DiGraph(base=0, robots=1)
-    graph.add_nodes_from(range(12), reward=1.0)
-    for tail, head in nx.gnm_random_graph(12, 20, seed=seed).edges:
-        for arc in ((tail, head), (head, tail)):
-            survival, length = float(rng.choice([0.9, 0.81])), float(rng.integers(1, 4))
-            graph.add_edge(*arc, survival=survival, length=length)
-    nx.add_cycle(graph, range(12), survival=0.9, length=2.0)
-    return Mission(graph)
-
-
-def test_no_ant_gets_stuck_where_ways_home_tie():
-    """With this seed an ant does that looks for the rest of its way home again."""
-    seed = 1084
-    mission = tied_ways(seed)
-    world = twins.alike(mission, 0.3 * (1 - 5e-13), 14.0)
-    batch = colony(mission, n_ants=100, seed=seed, world=world, heuristic=False).construct(100)
-    mission.evaluate(batch)
-    assert (mission.robot_survival(batch) >= 0.3 * (1 - 1e-12)).all()
-    assert (mission.trail_lengths(batch) <= 14).all()
-
-
 def test_long_trails_outgrow_the_first_room():
     mission = load_mission("terrain", nodes=300, seed=1)
     flat = {"heuristic": False, "pheromone": False, "allocation": "concurrent"}
