@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pymoo.optimize import minimize
 
-from botohe_moo import BOACO, BOTOHE, ParetoLocalSearch, TrailPlan, load_mission, make_algorithm
+from botohe_moo import BOACO, BOTOHE, ParetoLocalSearch, TrailPlan, load_mission
 from botohe_moo.algorithms import ArchiveAlgorithm
 from tests.algorithms.test_contract import DOTTED, NAMES, SEARCHING, mission_for, small
 
@@ -78,30 +78,6 @@ def test_each_honours_them_or_refuses_them_by_name(name, kind):
     assert set(result.algorithm.archive.plans) == set(result.X.ravel())
     assert sorted((-result.algorithm.archive.objectives).tolist()) == sorted(result.F.tolist())
     assert (problem.constrain_batch(problem.mission.batch(result.X)) <= 0).all()
-
-
-def test_three_objectives_have_the_front_of_all_that_was_evaluated():
-    seen = []
-
-    class Watched(Three):
-        def evaluate_batch(self, batch):
-            seen.extend(batch)
-            return super().evaluate_batch(batch)
-
-    problem = Watched(TOY)
-    result = minimize(problem, small("nsga2"), ("n_eval", 300), seed=4)
-    plans = list(dict.fromkeys(seen))
-    F = problem.evaluate(np.array([[plan] for plan in plans], object))
-    beaten = ((F[:, None] >= F).all(axis=2) & (F[:, None] > F).any(axis=2)).any(axis=1)
-    assert set(result.X.ravel()) == {
-        plan for plan, lost in zip(plans, beaten, strict=True) if not lost
-    }
-    few = minimize(
-        problem, make_algorithm("nsga2", pop_size=20, max_ties=1), ("n_eval", 300), seed=4
-    )
-    points = np.unique(result.F, axis=0)
-    assert len(few.F) == len(points) < len(result.F)
-    assert np.array_equal(np.unique(few.F, axis=0), points)
 
 
 class Home(ArchiveAlgorithm):

@@ -12,7 +12,7 @@ from botohe_moo import Mission, TrailPlan, load_mission
 from botohe_moo.algorithms.local_search import engine
 from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES, LocalSearch
 from botohe_moo.algorithms.local_search.kernels import moves, plans, recreate, search, state
-from botohe_moo.algorithms.local_search.kernels.moves import MOVES, N_MOVES, Move
+from botohe_moo.algorithms.local_search.kernels.moves import N_MOVES, Move
 from botohe_moo.algorithms.local_search.kernels.state import N_TRAILS, new_store
 from tests import twins
 from tests.algorithms.local_search.made import check, note_entering, outcome, started, watched
@@ -203,14 +203,6 @@ def test_children_find_room(monkeypatch):
 
 
 class TestDeclarations:
-    def test_names_and_weights(self):
-        names = [move.name for move in MOVES]
-        assert len(set(names)) == len(names) == N_MOVES
-        assert all(name == name.lower().strip() != "ruin-and-recreate" for name in names)
-        assert min(move.weight for move in MOVES) > 0
-        assert sum(move.weight for move in MOVES) == pytest.approx(1.0, abs=0.1)
-        assert len({move[2:] for move in MOVES}) == N_MOVES
-
     @pytest.mark.parametrize("n", [1, 2, N_MOVES + 1])
     def test_one_is_called_by_its_number(self, monkeypatch, n):
         called = [Move(f"move {i}", 1.0, lambda of, i: of.append(i), i) for i in range(n)]

@@ -18,11 +18,8 @@ from botohe_moo.algorithms.local_search.kernels.state import (
     TOLERANCE,
     UNKNOWN,
 )
-from botohe_moo.core.paths import find_near
-from botohe_moo.core.rng import GOLDEN, hash_step, mixed
-from botohe_moo.core.world import aboard_at, aboard_of
 from tests import twins
-from tests.algorithms.local_search.made import check_clean, trail_of, unstarted, write_child
+from tests.algorithms.local_search.made import check_clean, unstarted, write_child
 from tests.core.test_paths import whole_graph
 from tests.examples import examples
 from tests.strategies import (
@@ -30,7 +27,6 @@ from tests.strategies import (
     missions_with_plans,
     team_missions,
     team_missions_with_plans,
-    trails,
 )
 from tests.twins import plain_local_search
 
@@ -39,119 +35,6 @@ from tests.twins import plain_local_search
 def plain():
     with plain_local_search():
         yield
-
-
-def hash_of(start, arcs):
-    bits = GOLDEN ^ np.uint64(start)
-    for arc in arcs:
-        bits = hash_step(bits, arc)
-    return mixed(bits)
-
-
-class Stored:
-    """A store, and the trails put into it, as robot and indices of kernels by number."""
-
-    def __init__(self, mission, n_trails=40, **limits):
-        self.mission, self.trails, self.search = mission, {}, unstarted(mission, **limits)
-        self.hold(state.new_store(n_trails, 1_000, 1_000))
-
-    def hold(self, store):
-        self.store = self.search._store = store
-
-    def add(self, nodes, robot=0):
-        n_arcs = write_child(self.search, nodes)
-        trail = plans.add_trail(self.search.parts, robot, n_arcs)
-        if trail != NOT_STORED:
-            self.trails[trail] = robot, tuple(nodes)
-        return trail
-
-    def release(self, trail):
-        state.release(self.store, trail)
-        if self.store.trails[trail].n_users == 0:
-            del self.trails[trail]
-
-    def check(self):
-        """Whether the store holds these trails, with what they visit, and has the others free."""
-        store, mission, n_nodes = self.store, self.mission, len(self.mission.nodes)
-        assert set(np.flatnonzero(store.trails["n_users"]).tolist()) == set(self.trails)
-        spare = store.spare[: store.n.spare].tolist()
-        assert sorted([*spare, *self.trails]) == list(range(len(store.trails)))
-        for number, (robot, nodes) in self.trails.items():
-            stored, kind = store.trails[number], mission.kind_of[robot]
-            assert trail_of(self.search.parts, number, robot) == nodes
-            assert stored.n_arcs == len(nodes) - 1
-            visits = slice(stored.first_visit, stored.first_visit + stored.n_visits)
-            found = dict(
-                zip(store.node[visits].tolist(), store.reach[visits].tolist(), strict=True)
-            )
-            labels = [mission.nodes[node % n_nodes] for node in nodes]
-            expected = {
-                mission.index(node): chance
-                for node, chance in twins.collects(mission, kind, labels).items()
-                if mission.graph.nodes[node]["reward"] > 0 and chance > 0
-            }
-            assert len(found) == stored.n_visits
-            assert {node: p for node, p in found.items() if p > 0} == pytest.approx(expected)
-            assert stored.hash == hash_of(nodes[0], store.arc[stored.first_arc : stored.end_arc])
-            assert stored.alive == pytest.approx(twins.survival_of(mission, nodes))
-
-
-def draw_some(data, stored, least, most):
-    """Add some trails of drawn robots; return their numbers."""
-    robots = st.integers(0, stored.mission.robots - 1)
-    drawn = [data.draw(robots) for _ in range(data.draw(st.integers(least, most)))]
-    return [stored.add(data.draw(trails(stored.mission, robot=robot)), robot) for robot in drawn]
-
-
-@examples(60)
-@given(missions(min_nodes=1) | team_missions(), st.data())
-def test_trails_are_kept_as_long_as_somebody_has_them(mission, data):
-    stored = Stored(mission, max_length=np.inf)
-    for _ in range(data.draw(st.integers(0, 12))):
-        for trail in draw_some(data, stored, 1, 1):
-            if trail == NOT_STORED:
-                continue
-            again = data.draw(st.integers(0, 2))
-            stored.store.trails[trail].n_users += again
-            for _ in range(data.draw(st.integers(0, again + 1))):
-                stored.release(trail)
-    stored.check()
-    # The copy has no gaps, room for more, and the same numbers.
-    held = stored.store.trails[list(stored.trails)]
-    n_arcs, n_visits = int(held["n_arcs"].sum()), int(held["n_visits"].sum())
-    into = state.new_store(60, n_arcs + 500, n_visits + 500)
-    users = stored.store.trails["n_users"].copy()
-    state.copy_trails(stored.store, into)
-    assert (into.n.arcs, into.n.visits) == (n_arcs, n_visits)
-    assert into.trails["n_users"][:40].tolist() == users.tolist()
-    stored.hold(into)
-    stored.check()
-    draw_some(data, stored, 3, 3)
-    stored.check()
-
-
-@examples(60)
-@given(missions(min_nodes=1) | team_missions(), st.data())
-def test_a_trail_that_was_stored_last_leaves_no_trace(mission, data):
-    stored = Stored(mission)
-    some = [trail for trail in draw_some(data, stored, 0, 3) if trail != NOT_STORED]
-    before, users = stored.store.n.item(), stored.store.trails["n_users"].tolist()
-    for trail in reversed(draw_some(data, stored, 1, 3)):
-        if trail != NOT_STORED:
-            stored.release(trail)
-    assert stored.store.n.item() == before
-    assert stored.store.trails["n_users"].tolist() == users
-    stored.check()
-    # Where another plan has it, and where others lie behind it, its room stays in use.
-    for trail in some:
-        stored.store.trails[trail].n_users += 1
-        state.release(stored.store, trail)
-    assert stored.store.n.item() == before
-    for trail in some[:-1]:
-        stored.release(trail)
-    stored.check()
-    draw_some(data, stored, 3, 3)
-    stored.check()
 
 
 def fork():
@@ -282,86 +165,8 @@ def test_costs_and_lengths_of_the_cheapest_paths_there_and_back(mission, per_len
                     assert any(way == length for way in possible)
 
 
-def test_a_named_mission():
-    museum = load_mission("art_museum")
-    routes = find_routes(museum.world)
-    assert (routes.near == find_near(museum.world, 12).nodes).all()
-    for goal in range(len(museum.nodes)):
-        assert_routes(museum, routes, goal, len(museum.nodes))
-
-
 def add(search, nodes, robot=0):
     return plans.add_trail(search.parts, robot, write_child(search, nodes))
-
-
-class Laid:
-    """What the search notes of each position of a trail, straight from the formulas."""
-
-    def __init__(self, mission, kind, nodes):
-        self.mission, self.kind = mission, kind
-        self.trail = [mission.nodes[node % len(mission.nodes)] for node in nodes]
-        self.reward = dict(mission.graph.nodes(data="reward"))
-
-    def brings(self, trail, aboard):
-        """What a robot brings that carries some rewards; of those aboard no other counts."""
-        chances = twins.collects(self.mission, self.kind, trail, aboard)
-        # The reward of its start counts as collected there, whether it is aboard or not.
-        taken = set(self.kind.aboard) - {*aboard, self.trail[0]}
-        return sum(self.reward[node] * p for node, p in chances.items() if node not in taken)
-
-    def at(self, i):
-        """What lies ahead, what is banked and what is carried, and the chance to bring that."""
-        before, after = self.trail[: i + 1], self.trail[i + 1 :]
-        alive = twins.alive_along(self.mission, self.kind, self.trail)
-        ahead = alive[i + 1] / alive[i] * self.brings(after, ()) if after else 0.0
-        banked = dict(twins.credited(self.mission, before, self.kind.aboard))
-        nodes = self.mission.graph.nodes
-        carried = sum(
-            self.reward[v] * twins.share_of(self.mission, self.kind, v)
-            for v in {*before, *self.kind.aboard} - set(banked)
-        )
-        depots = [j for j, v in enumerate(self.trail) if v == 0 or nodes[v].get("depot")]
-        to_depot = next((alive[j] / alive[i] for j in depots if j > i), 0.0)
-        return [ahead, self.brings(before, self.kind.aboard), carried, to_depot]
-
-
-@examples(120)
-@given(missions_with_plans(max_robots=2) | team_missions_with_plans())
-def test_what_lies_ahead(case):
-    """What a robot with empty hands would collect that is sure to be at each position.
-
-    And what it has collected and carries there, and the chance to bring that to a depot. What it
-    carries from the start is worth nothing on the way.
-    """
-    mission, plan = case
-    search = unstarted(mission, max_length=np.inf)
-    world, store, work = search.world, search._store, search._work
-    returns = world.returns
-    for robot, nodes in enumerate(plan.trails):
-        trail, work.draft.robot = add(search, nodes, robot), robot
-        if trail == NOT_STORED:  # it does not keep the limits of its kind
-            continue
-        work.draft.layer = world.team.start[robot] - world.team.origin[world.team.start[robot]]
-        work.draft.carried = 0.0
-        plans._load(world, work)
-        plans.lay_out(world, returns, store, work, trail)
-        laid_out = Laid(mission, mission.kind_of[robot], nodes)
-        for i, step in enumerate(work.steps[: len(nodes)]):
-            found = [step.ahead, step.gained]
-            if returns is not None:
-                found += [work.loads[i].carried, work.loads[i].to_depot]
-            expected = laid_out.at(i)[: len(found)]
-            assert found == pytest.approx(expected, rel=1e-12, abs=1e-14)
-            assert step.node == nodes[i]
-            assert step.alive == pytest.approx(twins.survival_of(mission, nodes[: i + 1]))
-            assert step.walked == pytest.approx(twins.length_of(mission, nodes[: i + 1]))
-        first, stop = aboard_of(returns, robot)
-        aboard = [aboard_at(returns, work.draft.layer, i) for i in range(first, stop)]
-        assert not work.nodes["marginal"][aboard].any()
-        assert {v: int(work.nodes[v].met) for v in nodes} == {v: nodes.index(v) for v in nodes}
-        plans.clear_trail(work)
-        plans.clear_others(world, work)
-    check_clean(search)
 
 
 @examples(120)
