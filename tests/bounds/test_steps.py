@@ -374,7 +374,7 @@ def stairs_alone(no_front, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seeds", seeds(10, 40))
+@pytest.mark.parametrize("seeds", seeds(8, 24))
 def test_no_plan_exceeds_stairs_at_any_stage(stairs_alone, short_search, seeds):
     n_steps = n_tight = 0
     for seed in seeds:
@@ -383,14 +383,6 @@ def test_no_plan_exceeds_stairs_at_any_stage(stairs_alone, short_search, seeds):
         n_tight += last.gap(true) < 0.03
     assert n_steps > 5 * len(seeds)
     assert n_tight > 0.5 * len(seeds)
-
-
-@pytest.mark.slow
-def test_fronts_of_small_tunnels(no_front):
-    for seed in range(10):
-        mission = load_mission("tunnel", nodes=12 + seed % 5, robots=1 + seed % 3, seed=seed)
-        true, [*_, last] = bounded_at_all_stages(mission, {}, seed, gap=0.02)
-        assert last.gap(true) < 0.05, seed
 
 
 @pytest.mark.parametrize("n_threads", [1, 4])
