@@ -171,23 +171,6 @@ class TestTrails:
         assert covers(found, rows)
         assert covers(rows, found)
 
-    def test_two_spurs(self):
-        """Rewards behind 0.9 and 0.8, each way; counted by hand."""
-        graph = nx.DiGraph(base=0, robots=2)
-        graph.add_nodes_from([(0, {"reward": 1.0}), (1, {"reward": 4.0}), (2, {"reward": 3.0})])
-        for node, survival in ((1, 0.9), (2, 0.8)):
-            graph.add_edge(0, node, survival=survival)
-            graph.add_edge(node, 0, survival=survival)
-        search = search_for(Mission(graph))
-        found = found_trails(search)
-        expected = [[0, 0, 1], [0.9, 0, 0.81], [0, 0.8, 0.64], [0.9, 0.648, 0.5184]]
-        expected.append([0.576, 0.8, 0.5184])
-        assert len(found) == 5
-        assert found[:3] == pytest.approx(np.array(expected[:3]))
-        assert sorted(found[3:].tolist()) == pytest.approx(np.array(sorted(expected[3:])))
-        # At base, at either end, and back at base with one end left to see.
-        assert search.progress.n_labels == 5
-
 
 class TestTrailsAsNodes:
     @examples(50)
