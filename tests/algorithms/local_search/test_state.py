@@ -18,6 +18,7 @@ from botohe_moo.algorithms.local_search.kernels.state import (
     TOLERANCE,
     UNKNOWN,
 )
+from botohe_moo.core.world import aboard_at, aboard_of
 from tests import twins
 from tests.algorithms.local_search.made import check_clean, unstarted, write_child
 from tests.core.test_paths import whole_graph
@@ -167,6 +168,76 @@ def test_costs_and_lengths_of_the_cheapest_paths_there_and_back(mission, per_len
 
 def add(search, nodes, robot=0):
     return plans.add_trail(search.parts, robot, write_child(search, nodes))
+
+
+class Laid:
+    """What the search notes of each position of a trail, straight from the formulas."""
+
+    def __init__(self, mission, kind, nodes):
+        self.mission, self.kind = mission, kind
+        self.trail = [mission.nodes[node % len(mission.nodes)] for node in nodes]
+        self.reward = dict(mission.graph.nodes(data="reward"))
+
+    def brings(self, trail, aboard):
+        """What a robot brings that carries some rewards; of those aboard no other counts."""
+        chances = twins.collects(self.mission, self.kind, trail, aboard)
+        # The reward of its start counts as collected there, whether it is aboard or not.
+        taken = set(self.kind.aboard) - {*aboard, self.trail[0]}
+        return sum(self.reward[node] * p for node, p in chances.items() if node not in taken)
+
+    def at(self, i):
+        """What lies ahead, what is banked and what is carried, and the chance to bring that."""
+        before, after = self.trail[: i + 1], self.trail[i + 1 :]
+        alive = twins.alive_along(self.mission, self.kind, self.trail)
+        ahead = alive[i + 1] / alive[i] * self.brings(after, ()) if after else 0.0
+        banked = dict(twins.credited(self.mission, before, self.kind.aboard))
+        nodes = self.mission.graph.nodes
+        carried = sum(
+            self.reward[v] * twins.share_of(self.mission, self.kind, v)
+            for v in {*before, *self.kind.aboard} - set(banked)
+        )
+        depots = [j for j, v in enumerate(self.trail) if v == 0 or nodes[v].get("depot")]
+        to_depot = next((alive[j] / alive[i] for j in depots if j > i), 0.0)
+        return [ahead, self.brings(before, self.kind.aboard), carried, to_depot]
+
+
+@examples(120)
+@given(missions_with_plans(max_robots=2) | team_missions_with_plans())
+def test_what_lies_ahead(case):
+    """What a robot with empty hands would collect that is sure to be at each position.
+
+    And what it has collected and carries there, and the chance to bring that to a depot. What it
+    carries from the start is worth nothing on the way.
+    """
+    mission, plan = case
+    search = unstarted(mission, max_length=np.inf)
+    world, store, work = search.world, search._store, search._work
+    returns = world.returns
+    for robot, nodes in enumerate(plan.trails):
+        trail, work.draft.robot = add(search, nodes, robot), robot
+        if trail == NOT_STORED:  # it does not keep the limits of its kind
+            continue
+        work.draft.layer = world.team.start[robot] - world.team.origin[world.team.start[robot]]
+        work.draft.carried = 0.0
+        plans._load(world, work)
+        plans.lay_out(world, returns, store, work, trail)
+        laid_out = Laid(mission, mission.kind_of[robot], nodes)
+        for i, step in enumerate(work.steps[: len(nodes)]):
+            found = [step.ahead, step.gained]
+            if returns is not None:
+                found += [work.loads[i].carried, work.loads[i].to_depot]
+            expected = laid_out.at(i)[: len(found)]
+            assert found == pytest.approx(expected, rel=1e-12, abs=1e-14)
+            assert step.node == nodes[i]
+            assert step.alive == pytest.approx(twins.survival_of(mission, nodes[: i + 1]))
+            assert step.walked == pytest.approx(twins.length_of(mission, nodes[: i + 1]))
+        first, stop = aboard_of(returns, robot)
+        aboard = [aboard_at(returns, work.draft.layer, i) for i in range(first, stop)]
+        assert not work.nodes["marginal"][aboard].any()
+        assert {v: int(work.nodes[v].met) for v in nodes} == {v: nodes.index(v) for v in nodes}
+        plans.clear_trail(work)
+        plans.clear_others(world, work)
+    check_clean(search)
 
 
 @examples(120)
