@@ -9,6 +9,8 @@ from botohe_moo import BOTOHE, Mission, ParetoLocalSearch, area_indicator, load_
 from botohe_moo.algorithms.exact.front import exact_front
 from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES, RUIN_AND_RECREATE
 
+pytestmark = pytest.mark.compiled_only
+
 
 @pytest.fixture(scope="module")
 def museum():

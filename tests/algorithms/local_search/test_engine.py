@@ -53,6 +53,7 @@ def test_given_plans_that_do_not_keep_the_limits_are_left_out(museum, limits):
     assert search.objectives().tolist() == expected.tolist()
 
 
+@pytest.mark.compiled_only
 def test_plans_are_inserted_where_others_wait_to_be_recreated(museum, monkeypatch):
     """Also where there is little room at first."""
     found = started(museum)
@@ -97,6 +98,7 @@ def test_a_budget_that_nobody_uses_up():
         assert len(search) > 4
 
 
+@pytest.mark.compiled_only
 def test_what_each_move_brought(museum):
     begun, search = time.perf_counter(), started(museum, prob_recreate=0.2)
     assert not search.statistics[["tried", "entered"]].to_numpy().any()  # of plans that are given
@@ -149,6 +151,7 @@ def test_fifty_robots_are_changed_together(museum, monkeypatch):
         assert 0 <= store.n.spare <= len(store.trails)
 
 
+@pytest.mark.compiled_only
 @pytest.mark.parametrize("reward", [1e-300, 1e300])
 def test_nothing_is_dangerous(reward):
     search = started(wheel(survival=1.0, reward=reward), **RECREATING)
