@@ -14,7 +14,7 @@ from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES
 from botohe_moo.cli.app import app
 from botohe_moo.library import library_table
 from botohe_moo.mission.loading import ENTRIES
-from botohe_moo.study import pictures, pool
+from botohe_moo.study import pool, report
 from botohe_moo.testing import algorithms, missions
 from botohe_moo.testing.rules import rules_of, said_by
 from docs import architecture
@@ -54,7 +54,7 @@ def runs(page):
 @pytest.mark.parametrize("page", [*filter(runs, PAGES)], ids=lambda page: page.stem)
 def test_guides_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(pictures, "FORMATS", pictures.FORMATS[:1])
+    monkeypatch.setattr(report, "FORMATS", report.FORMATS[:1])
     monkeypatch.setattr(pool, "subprocess", ForkedSubprocess)
     with plt.rc_context():  # some set a theme
         run_page(page)
