@@ -17,8 +17,14 @@ import numpy as np
 
 from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch
 from botohe_moo.base import files
-from botohe_moo.base.messages import check_choice, counted, quoted
-from botohe_moo.base.numbers import difference_text, price_text, short_text
+from botohe_moo.base.messages import (
+    check_choice,
+    counted,
+    difference_text,
+    price_text,
+    quoted,
+    short_text,
+)
 from botohe_moo.base.parameters import NotNegative, check
 from botohe_moo.base.types import FloatArray
 from botohe_moo.decide.fronts import survivor_prices

@@ -1,4 +1,4 @@
-"""Files that are read, and files that are written whole."""
+"""Files that are read, numbers and flags as texts hold them, and files that are written whole."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import json
 import os
 import secrets
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 FilePath: TypeAlias = str | os.PathLike[str]
 
+FLAGS = dict.fromkeys(("true", "yes", "1", "1.0"), True)
+FLAGS |= dict.fromkeys(("false", "no", "0", "0.0"), False)
 FILE = "botohe_moo file"  # the attribute of tables that says what file they were read from
 
 
@@ -184,3 +186,20 @@ def filled_cells(
         stripped = (value.strip() or None if isinstance(value, str) else value for value in values)
         filled = zip(names, stripped, strict=True)
         yield f"{table}, row {index}", {key: v for key, v in filled if key and v is not None}
+
+
+def read_number(value: Any) -> Any:
+    """Convert text to a number, also in lists and mappings; return anything else unchanged."""
+    if isinstance(value, Mapping):
+        return {kind: read_number(number) for kind, number in value.items()}
+    if isinstance(value, list | tuple):
+        return [read_number(number) for number in value]
+    for number in (int, float) if isinstance(value, str) else ():
+        with contextlib.suppress(ValueError):  # text that stays text breaks a rule
+            return number(value)
+    return value
+
+
+def read_flag(value: Any) -> Any:
+    """Convert text, or 0 or 1, to a flag; return anything else unchanged."""
+    return FLAGS.get(str(value).lower(), value)

@@ -1,4 +1,4 @@
-"""Errors, and how messages name what was expected and what was found."""
+"""Errors, how messages name what was expected and what was found, and numbers as texts."""
 
 import math
 from collections.abc import Collection, Iterable
@@ -122,3 +122,43 @@ def listed(names: Iterable[str], most: int = 5) -> str:
     """
     once = list(dict.fromkeys(names))
     return ", ".join(once[:most]) + (f" and {n:,} more" if (n := len(once) - most) > 0 else "")
+
+
+def probability_text(probability: float, decimals: int) -> str:
+    """Write a probability; only 0 and 1 themselves are written as such.
+
+    >>> [probability_text(p, 2) for p in (0.25, 0.9996, 1e-9, 1)]
+    ['0.25', '>0.99', '<0.01', '1.00']
+    """
+    text = f"{probability:.{decimals}f}"
+    if float(text) == 0 < probability:
+        return f"<{10**-decimals:.{decimals}f}"
+    if float(text) == 1 and probability < 1 - 1e-12:
+        return f">{1 - 10**-decimals:.{decimals}f}"
+    return text
+
+
+def short_text(value: float) -> str:
+    """Write a number with four significant digits."""
+    return f"{value:.4g}"
+
+
+def difference_text(value: float, what: str) -> str:
+    """Write how much more or less reward, or how many more or fewer survivors, a plan has.
+
+    >>> difference_text(0.5, "reward"), difference_text(-1, "survivors"), difference_text(0, "x")
+    ('0.5 more reward', '1 fewer survivors', 'the same x')
+    """
+    if abs(value) < 1e-9:
+        return f"the same {what}"
+    less = "fewer" if what == "survivors" else "less"
+    return f"{short_text(abs(value))} {'more' if value > 0 else less} {what}"
+
+
+def price_text(price: float) -> str:
+    """Write the price of a survivor, as reward.
+
+    >>> price_text(3.2)
+    'one more survivor costs 3.2 reward'
+    """
+    return f"one more survivor costs {short_text(price)} reward"

@@ -129,7 +129,7 @@ def tell_choice(mission: bm.Mission, choice: decide.Choice, folder: Path) -> Non
 
 def trails_text(mission: bm.Mission, plan: bm.TrailPlan) -> str:
     """Write the trails of a plan, a line for each robot."""
-    from botohe_moo.base.numbers import probability_text
+    from botohe_moo.base.messages import probability_text
     from botohe_moo.decide.wishes import label_text
 
     rows = []

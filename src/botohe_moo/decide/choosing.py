@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from botohe_moo.base.messages import check_choice
-from botohe_moo.base.numbers import difference_text, price_text, short_text
+from botohe_moo.base.messages import check_choice, difference_text, price_text, short_text
 from botohe_moo.base.parameters import NotNegative, check
 from botohe_moo.decide import fronts
 from botohe_moo.decide import wishes as w

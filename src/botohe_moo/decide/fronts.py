@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from botohe_moo import objectives
-from botohe_moo.base.numbers import difference_text, short_text
+from botohe_moo.base.messages import difference_text, short_text
 from botohe_moo.base.parameters import check
 from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.mission.model import Mission, check_mission

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import jinja2
 
 from botohe_moo.base.files import check_file, check_suffix, replace_file
-from botohe_moo.base.numbers import price_text
+from botohe_moo.base.messages import price_text
 from botohe_moo.decide import Choice
 from botohe_moo.decide.wishes import Wish
 from botohe_moo.explorer import data as d

@@ -11,8 +11,8 @@ import networkx as nx
 import numpy as np
 from numpy.typing import ArrayLike
 
+from botohe_moo.base.files import read_number
 from botohe_moo.base.messages import as_float, quoted
-from botohe_moo.base.numbers import plain_numbers, read_number
 from botohe_moo.base.parameters import NotNegative, Positive, checked
 from botohe_moo.base.types import FloatArray, IntArray
 from botohe_moo.mission.rules import MissionError
@@ -386,3 +386,12 @@ def read_zone(zone: Any, where: str = "") -> Zone:
         raise fault("a polygon of at least three corners [[x, y], ...]", shape)
     sides = [np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)[..., :2] for ring in rings]
     return Zone(rate, np.concatenate(sides))
+
+
+def plain_numbers(value: Any) -> FloatArray:
+    """Return an array of finite numbers; it is empty if ``value`` holds anything else."""
+    try:
+        numbers = np.array(value, float)
+    except (TypeError, ValueError, OverflowError):
+        return np.empty(0)
+    return numbers if np.isfinite(numbers).all() else np.empty(0)

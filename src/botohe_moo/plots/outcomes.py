@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
-from botohe_moo.base.numbers import price_text
+from botohe_moo.base.messages import price_text
 from botohe_moo.decide.fronts import check_objectives
 from botohe_moo.decide.wishes import Candidates
 from botohe_moo.mission.model import Mission, check_mission

@@ -14,7 +14,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 
-from botohe_moo.base.numbers import probability_text
+from botohe_moo.base.messages import probability_text
 from botohe_moo.base.types import FloatArray
 from botohe_moo.decide import knees, representatives
 from botohe_moo.mission.model import Mission, check_mission

@@ -10,11 +10,10 @@ from typing import Literal
 import numpy as np
 
 from botohe_moo.base.messages import quoted
-from botohe_moo.base.numbers import plain_numbers
 from botohe_moo.base.parameters import Count, Positive, checked
 from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.formats.reading import Draft, Format, Row, Source
-from botohe_moo.mission.hazards import survived
+from botohe_moo.mission.hazards import plain_numbers, survived
 from botohe_moo.mission.rules import ONLY_KIND, MissionError
 
 

@@ -17,8 +17,8 @@ import networkx as nx
 import numpy as np
 from pydantic import AliasChoices, BaseModel, Field
 
+from botohe_moo.base.files import FLAGS
 from botohe_moo.base.messages import quoted
-from botohe_moo.base.numbers import FLAGS
 from botohe_moo.base.parameters import validated
 from botohe_moo.mission.formats.reading import Draft, Format, Row, Source
 from botohe_moo.mission.model import Mission

@@ -19,10 +19,9 @@ from pydantic import BaseModel, Field
 
 from botohe_moo.base.files import FilePath, Source
 from botohe_moo.base.messages import ParameterError, quoted
-from botohe_moo.base.numbers import plain_numbers
 from botohe_moo.base.parameters import NotNegative, Positive, Probability, checked, validated
 from botohe_moo.base.types import FloatArray
-from botohe_moo.mission.hazards import Raster, survived
+from botohe_moo.mission.hazards import Raster, plain_numbers, survived
 from botohe_moo.mission.rules import MissionError, blamed_on
 
 MODES = ("trinary", "scale")

@@ -18,10 +18,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import networkx as nx
 
-from botohe_moo.base.files import FILE, FilePath, check_suffix, filled_cells
+from botohe_moo.base.files import FILE, FilePath, check_suffix, filled_cells, read_flag, read_number
 from botohe_moo.base.files import Source as Source  # what readers are given
 from botohe_moo.base.messages import ParameterError, as_float, check_frame, listed, quoted
-from botohe_moo.base.numbers import read_flag, read_number
 from botohe_moo.base.parameters import NotNegative, Positive, checked
 from botohe_moo.base.registry import Registry
 from botohe_moo.mission import hazards, rules

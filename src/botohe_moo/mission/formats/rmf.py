@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import BaseModel, BeforeValidator, Field, model_validator
 
+from botohe_moo.base.files import read_flag
 from botohe_moo.base.messages import quoted
-from botohe_moo.base.numbers import read_flag
 from botohe_moo.base.parameters import checked, validated
 from botohe_moo.mission.formats.reading import Draft, Format, Row, Source
 from botohe_moo.mission.rules import MissionError
