@@ -374,7 +374,7 @@ def stairs_alone(no_front, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seeds", seeds(8, 24))
+@pytest.mark.parametrize("seeds", seeds(10, 40))
 def test_no_plan_exceeds_stairs_at_any_stage(stairs_alone, short_search, seeds):
     n_steps = n_tight = 0
     for seed in seeds:
@@ -417,3 +417,11 @@ def test_one_thread_works_at_a_time_and_kernels_side_by_side(n_threads):
     assert most_aside == n_threads
     with turns.aside():  # outside of work there is one thread
         pass
+
+
+@pytest.mark.slow
+def test_fronts_of_small_tunnels(no_front):
+    for seed in range(10):
+        mission = load_mission("tunnel", nodes=12 + seed % 5, robots=1 + seed % 3, seed=seed)
+        true, [*_, last] = bounded_at_all_stages(mission, {}, seed, gap=0.02)
+        assert last.gap(true) < 0.05, seed
