@@ -1,8 +1,7 @@
 """Change one operator in a hundred places: `make test` has to notice what all tests notice.
 
 ``python -m checks.mutations [ENTRY ...] [--out CSV]`` draws the places from the source by a seed,
-one in each module of kernels and the rest from the other entries, and works on a copy of the
-checkout. Each change is tried with the tests of its entry: first with those of `make test`, and
+of kernels one for every fifty operators of a module, and works on a copy of the checkout. Each change is tried with the tests of its entry: first with those of `make test`, and
 where these do not notice it, with those that are marked slow and all examples of property tests.
 Compiling kernels takes longer than most tests, so changes of kernels are tried first in plain
 Python, without the tests for which this is too slow. A change that nothing notices may be one that
@@ -12,6 +11,7 @@ tests notice.
 
 import argparse
 import ast
+import math
 import os
 import re
 import shutil
@@ -27,7 +27,7 @@ import pandas as pd
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = Path("src", "botohe_moo")
-# How many places of each entry, and the tests that look at it. Kernels: 0 for one in each module.
+# How many places of each entry, and the tests that look at it. Kernels: 0 for one in FIFTY.
 ENTRIES: dict[str, tuple[int, tuple[str, ...]]] = {
     "core": (0, ("core", "operators", "test_outcomes.py", "algorithms")),
     "operators/kernels.py": (0, ("operators",)),
@@ -57,6 +57,7 @@ ENTRIES: dict[str, tuple[int, tuple[str, ...]]] = {
     "cli": (10, ("test_cli.py", "library/test_commands.py")),
     "study": (16, ("study",)),
 }
+FIFTY = 50  # operators of a module
 MODULES_WITHOUT = {"compile.py", "threads.py"}  # how kernels are compiled and called
 SWAPPED: dict[type[ast.AST], type[ast.AST]] = {
     ast.Add: ast.Sub,
@@ -143,7 +144,7 @@ def main() -> int:
 
 
 def draw_mutants(entry: str, rng: np.random.Generator) -> Iterator[Mutant]:
-    """Draw one place in each module of kernels, or as many of all modules as the entry has."""
+    """Draw one place of every fifty in each module of kernels, or as many as the entry has."""
     n_places, _ = ENTRIES[entry]
     place = ROOT / PACKAGE / entry
     paths = [place] if place.is_file() else sorted(place.rglob("*.py"))
@@ -151,7 +152,9 @@ def draw_mutants(entry: str, rng: np.random.Generator) -> Iterator[Mutant]:
     if n_places:
         modules = [[mutant for module in modules for mutant in module]]
     for places in filter(None, modules):
-        for i in sorted(rng.choice(len(places), n_places or 1, replace=False)):
+        for i in sorted(
+            rng.choice(len(places), n_places or math.ceil(len(places) / FIFTY), replace=False)
+        ):
             yield places[i]
 
 
