@@ -24,7 +24,7 @@ help:
 	@echo "make dist    wheel and sdist, in dist/, and tests of them where they are installed: five minutes"
 	@echo "make coverage  the share of lines and branches that tests run, kernels uncompiled"
 	@echo "make compatibility  the tests with the oldest and the newest libraries, on each Python that is here"
-	@echo "make mutations  does make test notice a changed operator, in a hundred places?"
+	@echo "make mutations  does make test notice a changed operator, in two hundred places?"
 	@echo "make bench   the numbers this project claims"
 	@echo "make soak    a study of many small runs for an hour: memory has to stay flat"
 	@echo "make smoke   a study of seconds, with its report"

@@ -1,12 +1,12 @@
-"""Change one operator in a hundred places: `make test` has to notice what all tests notice.
+"""Change one operator in two hundred places: `make test` has to notice what all tests notice.
 
 ``python -m checks.mutations [ENTRY ...] [--out CSV]`` draws the places from the source by a seed,
-of kernels one for every fifty operators of a module, and works on a copy of the checkout. Each change is tried with the tests of its entry: first with those of `make test`, and
-where these do not notice it, with those that are marked slow and all examples of property tests.
-Compiling kernels takes longer than most tests, so changes of kernels are tried first in plain
-Python, without the tests for which this is too slow. A change that nothing notices may be one that
-changes nothing. The exit status is 1 if `make test` notices less than 95 % of what all
-tests notice.
+of kernels one for every fifty operators of a module, and works on a copy of the checkout. Each
+change is tried with the tests of its entry: first with those of `make test`, and where these do not
+notice it, with those that are marked slow and all examples of property tests. Compiling kernels
+takes longer than most tests, so changes of kernels are tried first in plain Python, without the
+tests for which this is too slow. A change that nothing notices may be one that changes nothing. The
+exit status is 1 if `make test` notices less than 95 % of what all tests notice.
 """
 
 import argparse
