@@ -153,6 +153,7 @@ ABLATIONS = (
 )
 
 
+@pytest.mark.compiled_only
 def test_the_published_curves_in_short(museum):
     """100 iterations; `make bench` runs all 10 000."""
     for (published, tolerance), options in zip(PUBLISHED.values(), ABLATIONS, strict=True):
@@ -167,6 +168,7 @@ def test_the_published_curves_in_short(museum):
 
 
 class TestLocalSearch:
+    @pytest.mark.compiled_only
     def test_improves_the_front(self, museum):
         areas = {
             share: area_indicator(

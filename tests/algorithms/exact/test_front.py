@@ -198,6 +198,7 @@ def front(mission):
     return list(exact_front(mission))
 
 
+@pytest.mark.compiled_only
 class TestExact:
     def test_result(self, mission, front):
         result = minimize(BOTOHE(mission), Exact(), PLENTY)

@@ -151,6 +151,7 @@ class TestGreedy:
                 gaps = np.diff(np.rint(np.sort(asked[:n]) * (n_weights - 1)))
                 assert gaps.max() <= 2 * gaps.min() + 2
 
+    @pytest.mark.compiled_only
     def test_area(self, museum):
         """In fewer than a hundred evaluations what took the colony thousands."""
         base = (museum.index(museum.base),)

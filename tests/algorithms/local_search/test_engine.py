@@ -121,6 +121,7 @@ def test_what_each_move_brought(museum):
     assert search.statistics["tried"].sum() == n_tried
 
 
+@pytest.mark.compiled_only
 def test_compiling_is_not_what_moves_spend(monkeypatch):
     compiling = []
 
