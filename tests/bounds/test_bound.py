@@ -17,8 +17,8 @@ from botohe_moo.algorithms.exact.front import exact_front
 from botohe_moo.bounds import proof as proof_module
 from botohe_moo.bounds import turns as clock_module
 from botohe_moo.bounds.front_bound import Line, Step, convex_below, lower_envelope
+from botohe_moo.bounds.master import PricedTeam, most_levels, refine
 from botohe_moo.bounds.net import new_net
-from botohe_moo.bounds.prices import PricedTeam, most_levels, refine
 from botohe_moo.bounds.relaxation import Relaxation
 from botohe_moo.bounds.schedule import Schedule
 from tests.examples import examples, seeds

@@ -52,36 +52,39 @@ def written(path, content):
     return path
 
 
+RECOGNISED = [
+    ("site.json", NODES, "node-link"),
+    ("site.json", FEATURES, "route-graph"),
+    ("SITE.GeoJSON", FEATURES, "route-graph"),
+    ("site.geojson", "{", "route-graph"),  # whose reader says what is wrong
+    ("site.json", "{", "node-link"),
+    ("site.json", {"name": "neither"}, "node-link"),
+    ("site.txt", "n 1\nm 1\nTMAX 3\n0 0 0", "orienteering"),
+    ("site.txt", "", "orienteering"),
+    ("site.graphml", "", "graphml"),
+    ("site.building.yaml", {"levels": {}}, "building"),
+    ("0.YML", {"levels": {"L1": {"vertices": [[0, 0], [1, 1]]}}}, "building"),
+    ("0.yaml", {"levels": {"L1": {"vertices": [[0, 0, 0, ""]]}, "L2": None}}, "building"),
+    ("0.yaml", {"levels": {"L1": None}}, "building"),
+    ("0.yaml", {"levels": {"L1": {"vertices": [[0, 0, None]]}}}, "navigation-graph"),
+    ("a.building.yaml", {"levels": {"L1": {"vertices": [[0, 0, {}]]}}}, "navigation-graph"),
+    ("0.yaml", {"levels": {"L1": {"vertices": [7, [0, 0, {}]]}}}, "building"),
+    (
+        "0.yaml",
+        {"levels": {"L1": {"vertices": [7, [0, 0, {}], [1, 1, {}]]}}},
+        "navigation-graph",
+    ),
+]
+
+
 class TestRecognised:
+    def test_every_format_is(self):
+        assert {name for *_, name in RECOGNISED} == formats().keys()
+
     def test_suffixes_are_listed_once(self):
         assert len(suffixes()) == len({*suffixes()})
 
-    @pytest.mark.parametrize(
-        ("name", "content", "expected"),
-        [
-            ("site.json", NODES, "node-link"),
-            ("site.json", FEATURES, "route-graph"),
-            ("SITE.GeoJSON", FEATURES, "route-graph"),
-            ("site.geojson", "{", "route-graph"),  # whose reader says what is wrong
-            ("site.json", "{", "node-link"),
-            ("site.json", {"name": "neither"}, "node-link"),
-            ("site.txt", "n 1\nm 1\nTMAX 3\n0 0 0", "orienteering"),
-            ("site.txt", "", "orienteering"),
-            ("site.graphml", "", "graphml"),
-            ("site.building.yaml", {"levels": {}}, "building"),
-            ("0.YML", {"levels": {"L1": {"vertices": [[0, 0], [1, 1]]}}}, "building"),
-            ("0.yaml", {"levels": {"L1": {"vertices": [[0, 0, 0, ""]]}, "L2": None}}, "building"),
-            ("0.yaml", {"levels": {"L1": None}}, "building"),
-            ("0.yaml", {"levels": {"L1": {"vertices": [[0, 0, None]]}}}, "navigation-graph"),
-            ("a.building.yaml", {"levels": {"L1": {"vertices": [[0, 0, {}]]}}}, "navigation-graph"),
-            ("0.yaml", {"levels": {"L1": {"vertices": [7, [0, 0, {}]]}}}, "building"),
-            (
-                "0.yaml",
-                {"levels": {"L1": {"vertices": [7, [0, 0, {}], [1, 1, {}]]}}},
-                "navigation-graph",
-            ),
-        ],
-    )
+    @pytest.mark.parametrize(("name", "content", "expected"), RECOGNISED)
     def test_by_suffix_and_content(self, tmp_path, name, content, expected):
         assert format_of(written(tmp_path / name, content)) == formats()[expected]
 
@@ -695,7 +698,7 @@ class TestRefused:
         assert len(caught.value.faults) == len(words), caught.value
         assert all(map(str.__contains__, caught.value.faults, words)), caught.value
 
-    @pytest.mark.parametrize("suffix", [".json", ".geojson", ".yaml", ".GraphML", ".txt"])
+    @pytest.mark.parametrize("suffix", [*suffixes(), ".GraphML"])
     def test_a_file_that_is_not_there(self, tmp_path, suffix):
         path = tmp_path / f"lost{suffix}"
         for read, error in ((format_of, ValueError), (read_mission, MissionError)):
@@ -707,9 +710,7 @@ class TestRefused:
         with pytest.raises(MissionError, match=r"one of .*\.json.*; found the suffix '\.plan'"):
             read_mission(path)
 
-    @given(
-        suffix=st.sampled_from([".json", ".graphml", ".txt", ".geojson", ".yaml"]), data=st.binary()
-    )
+    @given(suffix=st.sampled_from(suffixes()), data=st.binary())
     def test_any_bytes_at_all(self, tmp_path_factory, suffix, data):
         path = written(tmp_path_factory.getbasetemp() / f"any{suffix}", data)
         with pytest.raises(MissionError, match=re.escape(str(path))):

@@ -459,6 +459,7 @@ def special(tmp_path_factory):
         return None if run.algorithm.label == "lost" else growing(run, n_records=1)
 
     content = content_of(["toy", SPECIAL], [*LABELS, "lost"])
+    content["indicators"] = ["area", "igd_plus", "epsilon", "front_size"]
     return made_study(tmp_path_factory.mktemp("special"), content, outcome)
 
 

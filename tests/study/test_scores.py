@@ -116,7 +116,8 @@ class TestScores:
     def test_by_hand(self):
         """The reference is what a found; b lacks half of one objective each time, c all."""
         found = [("m", "a", 1, [(10, 1), (5, 2)]), ("m", "b", 1, [(5, 1)]), ("m", "c", 7, [])]
-        _, _, table = scored([*found, ("m", "killed", 1, [(5, 1)], "timeout")])
+        found.append(("m", "killed", 1, [(5, 1)], "timeout"))
+        _, _, table = scored(found, ["area", "igd_plus", "epsilon", "front_size"])
         values = table.pivot_table("value", "indicator", "algorithm")
         # 10 × 1 + 5 × 1 of 20, and distances from (0, 0) to (1, 0.5) and (0.5, 1).
         assert values["a"].to_dict() == {"area": 0.75, "igd_plus": 0, "epsilon": 0, "front_size": 2}

@@ -11,8 +11,7 @@ from botohe_moo.base.types import FloatArray
 from botohe_moo.bounds.front_bound import Line, LineProof, lower_envelope, stairs_of
 from botohe_moo.bounds.kernels.states import Worth
 from botohe_moo.bounds.kernels.trails import Stairs
-from botohe_moo.bounds.master import Master, Pool
-from botohe_moo.bounds.prices import SECONDS_A_GAIN, PricedTeam, Prices
+from botohe_moo.bounds.master import SECONDS_A_GAIN, Master, Pool, PricedTeam, Prices
 from botohe_moo.bounds.relaxation import Ahead, BoundLines, Relaxation
 
 # As in ``proof``, these constants were chosen by experiment, and every line is valid whatever they

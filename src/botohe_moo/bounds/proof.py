@@ -12,9 +12,8 @@ from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch
 from botohe_moo.bounds.front_bound import FrontBound, Step
 from botohe_moo.bounds.kernels.states import Net
 from botohe_moo.bounds.lines import LEVELS, Lines
-from botohe_moo.bounds.master import Pool
+from botohe_moo.bounds.master import Pool, most_levels
 from botohe_moo.bounds.net import Remembered, arcs_by_ends, new_net
-from botohe_moo.bounds.prices import most_levels
 from botohe_moo.bounds.relaxation import Relaxation
 from botohe_moo.bounds.stairs import MOST_MOVING, TeamStairs
 from botohe_moo.bounds.steps import Steps

@@ -14,8 +14,7 @@ from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.bounds.front_bound import Step, add_stairs, add_two, least_total
 from botohe_moo.bounds.kernels.trails import Stairs
 from botohe_moo.bounds.lines import LEAST_MU, N_STEPS, Lines
-from botohe_moo.bounds.master import Pool, Programme
-from botohe_moo.bounds.prices import PricedTeam, Prices
+from botohe_moo.bounds.master import Pool, PricedTeam, Prices, Programme
 from botohe_moo.bounds.relaxation import Relaxation
 
 # As in ``proof``, these constants were chosen by experiment, and every bound is valid whatever they

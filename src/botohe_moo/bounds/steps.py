@@ -15,7 +15,7 @@ from botohe_moo.bounds.front_bound import EDGE, Step, add_stairs, falling, last_
 from botohe_moo.bounds.kernels.states import ROUNDING
 from botohe_moo.bounds.kernels.trails import Stairs, follow_trails
 from botohe_moo.bounds.lines import LEAST_MU, LEVELS, N_STEPS, Lines
-from botohe_moo.bounds.prices import Prices
+from botohe_moo.bounds.master import Prices
 from botohe_moo.bounds.relaxation import MOST_LINES, Ahead
 from botohe_moo.core.ordered import best_reward, insert, new_front
 

@@ -376,7 +376,7 @@ class Move(NamedTuple):
     argument: int = 0  # what ``make`` takes beside the search
 
 
-# results/local-search/moves.csv has areas without each move in turn.
+# results/moves/summary.csv has areas without each move in turn.
 MOVES = (
     Move("shortcut", 0.07, _visit, 0),
     Move("visit", 0.18, _visit, 1),
