@@ -8,14 +8,14 @@ from contextlib import contextmanager
 from typing import Any
 
 from botohe_moo import BOACO
-from botohe_moo.algorithms import archive as archive_module
+from botohe_moo.algorithms import base as base_module
 from botohe_moo.algorithms.bo_aco import kernels as ant_kernels
 from botohe_moo.core import evaluate as evaluate_module
 
 KERNELS = {
     "construct": (ant_kernels, "construct"),
     "evaluate": (evaluate_module, "evaluate"),
-    "keep_front": (archive_module, "keep_front"),
+    "keep_front": (base_module, "keep_front"),
     "learn": (ant_kernels, "learn"),
 }
 

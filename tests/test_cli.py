@@ -615,6 +615,7 @@ class TestListings:
     def test_checks(self):
         good, bad = write_pier(), write_pier(robots=0, name="bad.json")
         said = "pier.json: a valid mission, 2 nodes, 2 arcs, 2 robots, total reward 1.5\n"
+        said += "  rewards 0 to 1.5, survivals 0.8 to 0.9\n"
         assert done("missions", "check", good) == said
         ended = run_botohe("missions", "check", bad, "lost.json", good)
         assert (ended.status, ended.out) == (2, said)
@@ -846,7 +847,9 @@ class TestImport:
     def test_from_tables_to_a_plan(self):
         self.rooms()
         args = [*self.TABLES, "--base", 1, "--robots", 2, "-m", "title=Rooms"]
-        brief = "8 nodes, 20 arcs, 2 robots, total reward 22"
+        brief = (
+            "8 nodes, 20 arcs, 2 robots, total reward 22\n  rewards 0 to 6, survivals 0.9 to 0.97"
+        )
         assert done(*args, "--out", "site.json") == f"wrote site.json: {brief}\n"
         mission = load_mission("site.json")
         assert (mission.name, mission.title, mission.base) == ("site", "Rooms", "1")
@@ -872,7 +875,7 @@ class TestImport:
         ]
         out = done(*self.TABLES, "--base", "dock", *kinds, "--out", "site.json")
         brief = "3 nodes, 4 arcs, 3 robots (2 drone, 1 rover), total reward 7"
-        assert out == f"wrote site.json: {brief}\n"
+        assert out == f"wrote site.json: {brief}\n  rewards 0 to 5, survivals 0 to 0.9\n"
         assert load_mission("site.json").kinds == (
             Kind("drone", 2, start="roof, east", max_length=4),
             Kind("rover", 1, min_survival=0.5),

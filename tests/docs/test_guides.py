@@ -1,5 +1,6 @@
 """What the guides show is what happens, and what they link to is there."""
 
+import importlib
 import re
 import shlex
 from pathlib import Path
@@ -127,6 +128,11 @@ def test_the_gallery_shows_what_its_code_draws():
 def test_every_result_has_its_command():
     results = ROOT / "results"
     assert {*made.folders(results)} - made.commands(results).keys() == set()
+
+
+@pytest.mark.parametrize("name", [p.stem for p in (ROOT / "benchmarks").glob("[!_]*.py")])
+def test_benchmarks_find_what_they_measure(name):
+    importlib.import_module(f"benchmarks.{name}")
 
 
 def test_the_drawing_shows_the_imports():

@@ -11,7 +11,7 @@ import typer
 import botohe_moo as bm
 from botohe_moo import plots
 from botohe_moo.base import files
-from botohe_moo.base.messages import ParameterError, counted, unknown_parameter
+from botohe_moo.base.messages import ParameterError, counted, listed, unknown_parameter
 from botohe_moo.cli import common
 from botohe_moo.cli.common import brief, command, failing, frame_table, paragraph, say, tell
 
@@ -92,8 +92,30 @@ def check(files: list[Path], options: dict[str, Any]) -> None:
             failed = True
         else:
             tell(f"{path}: a valid mission, {brief(loaded, loaded.max_length)}")
+            tell(_numbers(loaded))
     if failed:
         raise typer.Exit(common.BAD_INPUT)
+
+
+def _numbers(mission: bm.Mission) -> str:
+    """Say which numbers a mission has, and which attributes of nodes and arcs have no effect."""
+    from botohe_moo.mission.rules import KNOWN
+
+    nodes, arcs = mission.graph.nodes(data=True), mission.graph.edges(data=True)
+    survivals = [a["survival"] for *_, a in arcs]
+    of_kinds = [v for s in survivals for v in (s.values() if isinstance(s, dict) else [s])]
+    others = {name for *_, attributes in (*nodes, *arcs) for name in attributes} - KNOWN
+    found = [
+        f"rewards {_span(mission.rewards)}",
+        *([f"survivals {_span(of_kinds)}"] if arcs else ()),
+    ]
+    text = f"  {', '.join(found)}"
+    return f"{text}; without effect on plans: {listed(sorted(others))}" if others else text
+
+
+def _span(values: Any) -> str:
+    low, high = f"{min(values):.4g}", f"{max(values):.4g}"
+    return low if low == high else f"{low} to {high}"
 
 
 @command(missions_app, "import")
@@ -150,7 +172,7 @@ def import_mission(
         if lengths_from_pos:
             loaded = loaded.with_lengths_from_pos()
         bm.save_mission(loaded, out)
-    tell(f"wrote {out}: {brief(loaded, loaded.max_length)}")
+    tell(f"wrote {out}: {brief(loaded, loaded.max_length)}\n{_numbers(loaded)}")
 
 
 def _read_kind(text: str) -> Any:

@@ -230,6 +230,8 @@ _OF_ARCS: Rules = {
     "survival": ("survival in (0, 1]", _within(math.ulp(0), 1), None),
     "length": ("a finite length >= 0", _within(0), 1.0),
 }
+# Attributes of nodes and arcs that plans depend on, or that pictures and files show.
+KNOWN = {*_OF_NODES, *_OF_ARCS, "zone", "label", "name", "id"}
 # Attributes that may be mappings from kinds to numbers, and the rules of these numbers.
 BY_KIND: Rules = {"survival": ("survival in [0, 1]", _within(0, 1), None), "share": _SHARE}
 
