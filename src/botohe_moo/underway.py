@@ -17,14 +17,7 @@ import numpy as np
 
 from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch
 from botohe_moo.base import files
-from botohe_moo.base.messages import (
-    check_choice,
-    counted,
-    difference_text,
-    price_text,
-    quoted,
-    short_text,
-)
+from botohe_moo.base import messages as m
 from botohe_moo.base.parameters import NotNegative, check
 from botohe_moo.base.types import FloatArray
 from botohe_moo.decide.fronts import survivor_prices
@@ -103,7 +96,7 @@ def read_events(mission: Mission, path: str | os.PathLike[str]) -> list[Event]:
     known = {"time", "robot", "event", "node"}
     if not {"robot", "event"} <= set(columns) <= known or len(columns) > len(set(columns)):
         expected = "the columns robot, event and node, and perhaps time"
-        raise EventError(f"{path}: expected {expected}, found {quoted(', '.join(columns))}.")
+        raise EventError(f"{path}: expected {expected}, found {m.quoted(', '.join(columns))}.")
     events, faults = [], []
     for where, given in files.filled_cells(frame, columns, str(path)):
         name = given.get("robot", "")
@@ -162,11 +155,11 @@ class Replan:
         return next(worths) - next(worths)
 
     def __str__(self) -> str:
-        price = f"{price_text(self.price).capitalize()}."
+        price = f"{m.price_text(self.price).capitalize()}."
         if self.gain <= 0.0:
             return f"{price} What is left of the plan stays as it is."
         more = (self.objectives - self.before).tolist()
-        reward, survivors = map(difference_text, more, ("reward", "survivors"))
+        reward, survivors = map(m.difference_text, more, ("reward", "survivors"))
         return f"{price} The new plan has {reward} and {survivors}."
 
 
@@ -352,7 +345,7 @@ class PlayedMission:
     def __str__(self) -> str:
         losses = [loss for step in self.steps for loss in self._losses(step, "")]
         replans = sum(step.replan is not None for step in self.steps)
-        anew = f" The plan is made anew {counted(replans, 'time')}." if replans else ""
+        anew = f" The plan is made anew {m.counted(replans, 'time')}." if replans else ""
         lost = f"Lost: {', '.join(losses)}." if losses else "No robot is lost."
         return f"{lost}{anew} {self._end()}"
 
@@ -388,14 +381,14 @@ class PlayedMission:
             yield f"Start: {_expected(expected)} expected."
         else:
             moved = len(step.events)
-            on = f"{counted(moved, 'robot')} move{'s' if moved == 1 else ''} on"
+            on = f"{m.counted(moved, 'robot')} move{'s' if moved == 1 else ''} on"
             yield f"Step {number}: {', '.join(self._losses(step)) or on}."
         if step.replan is not None:
             now = f"{_expected(step.replan.objectives)} expected from now on"
             if step.replan.gain <= 0.0:
                 yield f"The plan is made anew and stays as it is: {now}."
             else:
-                before = " and ".join(map(short_text, step.replan.before))
+                before = " and ".join(map(m.short_text, step.replan.before))
                 yield f"The plan is made anew: {now}, instead of {before}."
         if number == len(self.steps) - 1:
             yield self._end()
@@ -410,13 +403,13 @@ class PlayedMission:
         ]
 
     def _end(self) -> str:
-        team = counted(self.mission.robots, "robot")
-        reward = short_text(self.reward)
+        team = m.counted(self.mission.robots, "robot")
+        reward = m.short_text(self.reward)
         return f"The mission ends with {reward} reward and {self.survivors} of {team}."
 
 
 def _expected(objectives: Iterable[float]) -> str:
-    reward, survivors = map(short_text, objectives)
+    reward, survivors = map(m.short_text, objectives)
     return f"{reward} reward and {survivors} survivors"
 
 
@@ -478,7 +471,7 @@ def _start(
 ) -> _Start:
     """Return the start of missions that are played with a plan, after all is checked."""
     for policy in policies:
-        check_choice("policy", policy, tuple(POLICIES))
+        m.check_choice("policy", policy, tuple(POLICIES))
     seed = check("seed", seed, int, ge=0)
     evaluations = check("evaluations", evaluations, int, ge=0)
     robots = u.robots_at_start(mission, plan, check_mission(mission).limits(*limits))
@@ -640,7 +633,7 @@ class PolicyOutcomes:
 
     def __str__(self) -> str:
         table = self.table.round(4).to_string(index=False)
-        return f"{price_text(self.price).capitalize()}.\n{table}"
+        return f"{m.price_text(self.price).capitalize()}.\n{table}"
 
 
 def simulate_policy(

@@ -102,15 +102,12 @@ def _numbers(mission: bm.Mission) -> str:
     from botohe_moo.mission.rules import KNOWN
 
     nodes, arcs = mission.graph.nodes(data=True), mission.graph.edges(data=True)
-    survivals = [a["survival"] for *_, a in arcs]
+    survivals = [arc["survival"] for *_, arc in arcs]
     of_kinds = [v for s in survivals for v in (s.values() if isinstance(s, dict) else [s])]
+    spans = {"rewards": mission.rewards.tolist(), "survivals": of_kinds}
+    text = ", ".join(f"{name} {_span(values)}" for name, values in spans.items() if values)
     others = {name for *_, attributes in (*nodes, *arcs) for name in attributes} - KNOWN
-    found = [
-        f"rewards {_span(mission.rewards)}",
-        *([f"survivals {_span(of_kinds)}"] if arcs else ()),
-    ]
-    text = f"  {', '.join(found)}"
-    return f"{text}; without effect on plans: {listed(sorted(others))}" if others else text
+    return f"  {text}{f'; without effect: {listed(sorted(others))}' if others else ''}"
 
 
 def _span(values: Any) -> str:

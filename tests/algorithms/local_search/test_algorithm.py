@@ -3,11 +3,13 @@
 import networkx as nx
 import numpy as np
 import pytest
+from pymoo.core.callback import Callback
 from pymoo.optimize import minimize
 
 from botohe_moo import BOTOHE, Mission, ParetoLocalSearch, area_indicator, load_mission
 from botohe_moo.algorithms.exact.front import exact_front
 from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES, RUIN_AND_RECREATE
+from tests.algorithms.local_search.made import keeps_limits
 
 pytestmark = pytest.mark.compiled_only
 
@@ -100,6 +102,24 @@ class TestTrueFronts:
 
 
 class TestFront:
+    @pytest.mark.parametrize(("floor", "budget", "prob_recreate"), [(0.3, 9, 0.06), (1.0, 30, 1.0)])
+    def test_every_generation_keeps_floor_and_budget(self, museum, floor, budget, prob_recreate):
+        seen = []
+
+        class Noted(Callback):
+            def notify(self, algorithm):
+                batch = algorithm.archive.plans
+                assert keeps_limits(museum, batch, floor, budget)
+                seen.append(len(batch))
+
+        problem = BOTOHE(museum, min_survival=floor, max_length=budget)
+        algorithm = ParetoLocalSearch(evaluations_per_generation=400, prob_recreate=prob_recreate)
+        result = minimize(problem, algorithm, ("n_eval", 4_000), seed=1, callback=Noted())
+        assert len(seen) > 5
+        assert (result.G <= 0).all()
+        assert np.array_equal(-result.F, museum.evaluate(result.X))
+        assert (len(result.X) > 5) == (floor < 1)
+
     def test_the_archive_is_read_when_somebody_looks(self, museum):
         algorithm = ParetoLocalSearch(evaluations_per_generation=100)
         algorithm.setup(BOTOHE(museum), termination=("n_eval", 2_000), seed=1)
