@@ -28,7 +28,7 @@ from botohe_moo.indicators import INDICATORS
 from botohe_moo.plots import comparisons, front
 from botohe_moo.plots.style import palette_of, save_plot
 from botohe_moo.study.content import parameter_words
-from botohe_moo.study.statistics import best_first
+from botohe_moo.study.statistics import TOO_FEW, best_first
 from botohe_moo.study.tables import SCHEMAS, StudyTables
 
 FORMATS = ("png", "pdf", "svg")
@@ -195,7 +195,7 @@ def matrix(tables: StudyTables) -> ReportTable:
     best = ranks == ranks.min()
     marks = pd.DataFrame("", algorithms, missions)
     tested = tables.comparisons
-    tested = tested[(tested["indicator"] == main) & (tested[["n", "n_other"]].min(axis=1) > 1)]
+    tested = tested[(tested["indicator"] == main) & (tested["verdict"] != TOO_FEW)]
     for row in tested.to_dict("records"):
         mission, pair = row["mission"], (row["algorithm"], row["other"])
         rival = tables.control or best[mission].idxmax()
@@ -226,7 +226,7 @@ def matrix_caption(tables: StudyTables) -> str:
     return (
         f"Median {name} over runs, the best on a mission bold, its rank there in brackets. "
         f"{BETTER} is better than {rival}, {WORSE} worse, {EQUAL} not told apart from it "
-        f"(Mann-Whitney, Holm, {level:g}); without a mark it is not tested."
+        f"(Mann-Whitney, Holm, {level:g}); without a mark there are too few runs to tell."
     )
 
 
