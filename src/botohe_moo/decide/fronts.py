@@ -363,7 +363,8 @@ def arc_counts(batch: PlanBatch, *, per_robot: bool) -> FloatArray:
 
 def distances(ours: FloatArray, others: FloatArray) -> FloatArray:
     """Compute 1 − |A ∩ B| / |A ∪ B| of multisets (n, n_arcs) and (m, n_arcs), in [0, 1] (n, m)."""
-    from scipy.spatial.distance import cdist  # a search need not wait for it
-
-    apart = np.nan_to_num(cdist(ours, others, "braycurtis"))  # Σ |a - b| / Σ (a + b)
-    return np.asarray(2 * apart / (1 + apart))
+    # Not by scipy, whose import the first front would wait for.
+    common = np.stack([np.minimum(ours, other).sum(axis=1) for other in others], axis=1)
+    union = ours.sum(axis=1)[:, None] + others.sum(axis=1) - common
+    shared: FloatArray = np.divide(common, union, out=np.ones(common.shape), where=union > 0)
+    return 1.0 - shared
