@@ -24,7 +24,7 @@ def said(*args, status=0):
 
 @pytest.fixture
 def library(tmp_path):
-    """The option for a library of one's own."""
+    """The option that names another folder as the library."""
     (tmp_path / "library").mkdir()
     return ("--library", tmp_path / "library")
 

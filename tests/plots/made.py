@@ -131,7 +131,7 @@ RANKS = {"A": 1.2, "B": 2.0, "C": 2.9, "D": 3.9}
 
 
 def ranks_of(ranks, difference):
-    """Ranks, and the tests of all pairs, of which those differ that are farther apart."""
+    """Ranks and tests of all pairs: a pair differs if its ranks are far enough apart."""
     pairs = [
         (a, b, abs(ranks[a] - ranks[b]) > difference) for a, b in itertools.combinations(ranks, 2)
     ]

@@ -236,7 +236,7 @@ def test_gaps_stand_beside_areas_in_the_report(copied):
         assert f">{number_text(row['area_gap'])}<" in page
         assert f"& {number_text(row['area_gap'])} &" in latex
     for area in tables.missions["bound_area"]:
-        assert f"No front whatsoever has an area above {area:.4f}, proved in" in page
+        assert f"No front can have an area above {area:.4f}, proved in" in page
     assert page.count("area gap</th>") == 2
     assert page.count("No plan lies beyond the line of a bound") == 2
     assert "2 seconds each" in page

@@ -252,8 +252,8 @@ def list_library(selection: Selection = "all", *, library: Path | None = None) -
     with failing():
         from botohe_moo.library import FOLDER, library_table
 
-        listed = library_table(selection, folder=library or FOLDER)
-    tell(frame_table(listed, _TABLE, n_texts=3))
+        table = library_table(selection, folder=library or FOLDER)
+    tell(frame_table(table, _TABLE, n_texts=3))
     tell("\n`botohe solve library:NAME` searches. `botohe library add DIR` adds what it found.")
 
 
