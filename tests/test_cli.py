@@ -464,7 +464,7 @@ REFUSED = {
     "solve toy --min-survival 1.5": ["Expected min_survival in [0, 1], got 1.5."],
     "solve toy --max-length nan": ["max_length"],
     "solve toy --sed 1": ["--sed", "--seed"],
-    "solve toy -a boaco": ["'boaco': there is no such algorithm; known are bo-aco, "],
+    "solve toy -a boaco": ["'boaco': no such algorithm; known are bo-aco, "],
     "solve toy -a bo-aco -p evaporation=1.3 -p heuristic=maybe": [
         "'bo-aco': Expected evaporation in (0, 1), got 1.3.",
         "Expected heuristic to be true or false, got 'maybe'.",
@@ -484,7 +484,7 @@ REFUSED = {
     "solve drones_and_rovers --robots 3": ["4 robots (2 drone, 2 rover): expected no number"],
     "solve list.json": ["botohe: list.json: expected the file to be a mapping"],
     "solve lost.json": ["botohe: lost.json: no such file"],
-    "solve power-plant": ["there is no such mission; known are power_plant"],
+    "solve power-plant": ["no such mission; known are power_plant"],
     "missions show terrain -m nodes=many": ["Expected nodes to be an integer >= 2, got 'many'."],
     "algorithms boaco": ["known are bo-aco, "],
     "slove": ["'slove'", "'solve'", "botohe --help"],
@@ -492,7 +492,7 @@ REFUSED = {
     "choose SOLVED --out plan.json": ["Expected wishes, --toward or --plan with --out, got none"],
     "choose SOLVED --most reward": ["Expected wishes with --most, got none"],
     "choose SOLVED --plan 99": ["Expected --plan in [0, ", "], got 99"],
-    "choose SOLVED --plan 1 --out a/plan.csv": ["a: there is no such folder"],
+    "choose SOLVED --plan 1 --out a/plan.csv": ["a: no such folder"],
     "choose SOLVED --plan 2 --out folder.png": ["folder.png: expected a file, found a folder"],
     "choose SOLVED --plan 1 --out SOLVED/plans.json": ["a file of the solution itself"],
     "choose SOLVED --plan 2 --out site.plan --altitude 30": [
@@ -906,11 +906,11 @@ class TestImport:
         "--kind drone=x,max_length=2,5 --kind rover=1,end=la": [
             "kind 'drone': expected robots to be an integer in [1, 1000000], got 'x'",
             "kind 'drone': expected a finite max_length >= 0, got '2,5'",
-            "kind 'rover': end 'la': there is no such node; most alike are lab, ",
+            "kind 'rover': end 'la': no such node; most alike are lab, ",
         ],
         "-m depots=2": ["no parameter 'depots'"],
         "--arcs lost.csv": ["lost.csv: no such file"],
-        "--kind drone=1 --kind rover=1 --out no/site.json": ["no: there is no such folder"],
+        "--kind drone=1 --kind rover=1 --out no/site.json": ["no: no such folder"],
         "--kind drone=1 --kind rover=1 --out site.txt": ["ends in one of .graphml, .json"],
     }
 
@@ -961,7 +961,7 @@ class TestFromMap:
             "site.yaml --base a,b": "a node's number, or a place X,Y, got 'a,b'",
             "site.yaml --radius 2": "site.yaml: expected ways through free space for a",
             "lost.yaml": "lost.yaml: no such file",
-            "site.yaml --out no/a.json": "no: there is no such folder",
+            "site.yaml --out no/a.json": "no: no such folder",
             "site.yaml --out a.csv": "a.csv: expected a file name that ends in one",
         }.items():
             assert words in refused("missions", "from-map", "--out", "a.json", *shlex.split(line))

@@ -207,7 +207,7 @@ class TestSearch:
         [
             ((), {"evaluations": 0}, r"Expected evaluations >= 1, got 0\."),
             ((), {"seed": -1}, r"Expected seed >= 0, got -1\."),
-            (("bo-ac",), {}, "'bo-ac': there is no such algorithm; known are bo-aco"),
+            (("bo-ac",), {}, "'bo-ac': no such algorithm; known are bo-aco"),
             (("bo-aco",), {"n_ant": 3}, "there is no parameter 'n_ant'"),
             (("greedy",), {"n_islands": 2}, "there is no parameter 'n_islands'"),
             (("greedy",), {"n_threads": 2}, "there is no parameter 'n_threads'"),
@@ -217,7 +217,7 @@ class TestSearch:
             ((BOACO(),), {"n_islands": 2}, "given by its name, got n_islands for BOACO"),
             ((BOACO(),), {"n_ants": 3}, "given by its name, got n_ants for BOACO"),
             ((BOACO,), {}, r"algorithm: .* such as BOACO\(\), got <class .*BOACO"),
-            ((), {"problem": "least-surviva"}, "there is no such problem; known are least-s"),
+            ((), {"problem": "least-surviva"}, "no such problem; known are least-s"),
             ((), {"problem": "nowhere:Class"}, "Problem 'nowhere:Class': it cannot be imported"),
             ((), {"problem": "botohe_moo.mission:Mission"}, "a class derived from BOTOHE"),
             ((), {"problem": Mission}, "a class derived from BOTOHE"),
@@ -233,7 +233,7 @@ class TestSearch:
             solve("toy", *given, **options)
 
     def test_missions_and_algorithms_that_are_refused(self, toy):
-        with pytest.raises(ValueError, match="there is no such mission; known are toy"):
+        with pytest.raises(ValueError, match="no such mission; known are toy"):
             solve("toi")
         with pytest.raises(ValueError, match=r"\(Mission\(graph, base=.*\) takes graphs\), got"):
             solve(toy.graph)

@@ -163,7 +163,7 @@ def test_wired_classes_show_types_by_their_defaults():
 
 
 def test_unknown_names_list_the_nearest_first():
-    said = "^Algorithm 'boaco': there is no such algorithm; known are bo-aco, "
+    said = "^Algorithm 'boaco': no such algorithm; known are bo-aco, "
     for function in (make_algorithm, algorithm_parameters, algorithm_origin):
         with pytest.raises(ValueError, match=said):
             function("boaco")

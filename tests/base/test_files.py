@@ -48,7 +48,7 @@ def test_devices_pipes_and_folders_are_refused(tmp_path):
 
 def test_a_missing_folder_is_named(tmp_path):
     path = tmp_path / "missing" / "plans.json"
-    with pytest.raises(FileNotFoundError, match="there is no such folder") as raised:
+    with pytest.raises(FileNotFoundError, match="no such folder") as raised:
         replace_file(path, b"new")
     assert raised.value.filename == str(path.parent)
     assert contents(tmp_path) == {}

@@ -219,8 +219,8 @@ def test_they_are_studied_and_once_they_are_removed_the_study_says_so(site, tmp_
     # Without the package:
     ended = botohe("study", "run", "lagoons.yaml", cwd=tmp_path)
     assert (ended.status, ended.out) == (2, "")
-    assert "'diver': there is no such algorithm" in ended.err
-    assert "'lagoon': there is no such mission" in ended.err
+    assert "'diver': no such algorithm" in ended.err
+    assert "'lagoon': no such mission" in ended.err
     # What is there can still be read and reported.
     ended = botohe("study", "report", "results/lagoons", cwd=tmp_path)
     assert ended.status == 0, ended.err

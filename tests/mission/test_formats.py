@@ -248,7 +248,7 @@ class TestOptions:
         ({"base": None}, "base"),
         ({"robots": None}, "robots"),
         ({"danger": None}, r"expected a survival, found none \(4 without one\): give danger"),
-        ({"base": "deck"}, "base 'deck': there is no such node; most alike are dock"),
+        ({"base": "deck"}, "base 'deck': no such node; most alike are dock"),
         ({"base": [3, {}]}, r"expected a label, a string, a number, .* got {}"),
         ({"robots": 0}, r"xpected robots (to be an integer )?>= 1, got 0"),
         ({"pays": "never"}, "pays to be 'arrival' or 'return'"),
@@ -263,7 +263,7 @@ class TestOptions:
         ({"kinds": [{"name": "drone"}]}, "kind 'drone': expected robots to be an integer"),
         ({"kinds": [Kind("drone", 2)], "robots": 3}, "robots to be 2, the robots of all kinds"),
         ({"kinds": [Kind("drone", 1, aboard=5)]}, "'drone': expected aboard to be a list of nodes"),
-        ({"kinds": [Kind("drone", 1, start="labb")]}, "start 'labb': there is no such node; .*lab"),
+        ({"kinds": [Kind("drone", 1, start="labb")]}, "start 'labb': no such node; .*lab"),
         ({"kinds": [{"name": "a", "start": {}}]}, "expected a label, a string, a number"),
     )
 
@@ -326,7 +326,7 @@ class TestOptions:
             node["name"] = name
         written(site / "site.json", content)
         assert load_mission("site.json", base="pier", robots=1).base == "a"
-        with pytest.raises(MissionError, match="base 'quay': there is no such node"):
+        with pytest.raises(MissionError, match="base 'quay': no such node"):
             load_mission("site.json", base="quay", robots=1)
 
 
@@ -683,7 +683,7 @@ REFUSED = [
     ("x.txt", "n 2\nm 1\ntmax 9\n0 0 0", "line 1: expected n 1, the number of lines after tmax"),
     ("x.txt", "n 1\nm 0\ntmax 9\n0 0 -1", "robots to be an integer", "node 0: expected a finite"),
     ("x.txt", "n 2\nm 1.5\ntmax 9\n0 0 0\n1 1 0", "'robot': expected robots to be", "robots"),
-    ("x.txt", "n 0\nm 1\ntmax 9", "base 0: there is no such node"),
+    ("x.txt", "n 0\nm 1\ntmax 9", "base 0: no such node"),
     ("x.txt", "n 1\nm 1\ntmax 0\n0 0 0", "expected tmax > 0 to be the scale, got 0; give a scale"),
 ]  # fmt: skip
 

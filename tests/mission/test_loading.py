@@ -119,7 +119,7 @@ def test_an_unknown_name_lists_what_is_known():
     with pytest.raises(MissionError) as caught:
         load_mission("power-plants")
     message, ends = str(caught.value), ", ".join(suffixes())
-    assert message.startswith("Mission 'power-plants': there is no such mission; known are powe")
+    assert message.startswith("Mission 'power-plants': no such mission; known are powe")
     assert all(name in message for name in mission_names())
     assert f"mission files end in one of {ends}; botohe missions import" in message
     assert [*mission_names()] == sorted(mission_names())

@@ -266,7 +266,7 @@ def test_another_base_and_other_graphs(building):
     # The name of a vertex that is not the only one of this name.
     assert load_mission(path, base="L1/5", **GIVEN).base == "L1/5"
     for own, fault in (
-        ({"base": "hall"}, r"base 'hall': .* no such node; most alike are L1/3, L1/"),
+        ({"base": "hall"}, r"base 'hall': no such node; most alike are L1/3, L1/"),
         ({"graph": 7}, r"expected lanes of graph 7, found graphs \[0, 1\]$"),
         ({"graph": "any"}, "Expected graph "),
     ):

@@ -16,7 +16,7 @@ from tests.mission.made import BOTH, DRONE, ROVER, faults_of, graph_of, harbour,
 
 NODE, ARC = "node 'reef': ", "arc 'dock' -> 'reef': "
 LAB = "arc 'dock' -> 'lab'"
-UNLISTED = "there is no such kind; the mission lists no kinds"
+UNLISTED = "no such kind; the mission lists no kinds"
 NO_WAY = "robots of kind 'rover' cannot keep "
 FOUND = (
     ". The safest way from 'lab' to 'dock', or the shortest one if that is too long, is survived "
@@ -115,7 +115,7 @@ REFUSED = [
     ),
     (
         team(lab={"share": {"drone": 2, "rovr": 1}}),
-        "node 'lab': share of kind 'rovr': there is no such kind; most alike are rover, drone",
+        "node 'lab': share of kind 'rovr': no such kind; most alike are rover, drone",
         "node 'lab': expected share in [0, 1] of kind 'drone', got 2",
     ),
     (
@@ -125,7 +125,7 @@ REFUSED = [
             lab_roof={"survival": {"drone": "0,8", "rover": -1}},
             roof_lab={"survival": 0},
         ),
-        f"{LAB}: survival of kind 'rovr': there is no such kind; most alike are rover, drone",
+        f"{LAB}: survival of kind 'rovr': no such kind; most alike are rover, drone",
         "arc 'lab' -> 'dock': expected survival in [0, 1] of kind 'drone', got nan",
         "arc 'lab' -> 'dock': expected survival in [0, 1] of kind 'rover', found none",
         "arc 'lab' -> 'roof': expected survival in [0, 1] of kind 'drone', got '0,8'; write numb",
@@ -143,7 +143,7 @@ REFUSED = [
         "node 'lab': expected share to be a mapping from kinds to numbers, found 'share:rover', w",
         f"{LAB}: expected survival to be a mapping from kinds to numbers, found 'survival:drone'",
     ),
-    (unknown_kind(), f"{LAB} and 3 more: survival of kind 'rovr': there is no such kind; most"),
+    (unknown_kind(), f"{LAB} and 3 more: survival of kind 'rovr': no such kind; most"),
     (
         team(None, 2),
         f"{LAB} and 3 more: survival of kind 'drone': {UNLISTED}",
@@ -175,8 +175,8 @@ REFUSED = [
         rover(start="dok", end=["dock"], min_survival=1.5, max_length=-1),
         "kind 'rover': expected min_survival in [0, 1], got 1.5",
         "kind 'rover': expected a finite max_length >= 0, got -1",
-        "kind 'rover': start 'dok': there is no such node; most alike are dock, roof, lab",
-        "kind 'rover': end ['dock']: there is no such node; most alike are dock, roof, lab",
+        "kind 'rover': start 'dok': no such node; most alike are dock, roof, lab",
+        "kind 'rover': end ['dock']: no such node; most alike are dock, roof, lab",
     ),
     (rover(min_survival="0.5"), "kind 'rover': expected min_survival in [0, 1], got '0.5'"),
     (rover(aboard="lab"), "kind 'rover': expected aboard to be a list of nodes, got 'lab'"),
@@ -186,7 +186,7 @@ REFUSED = [
     ),
     (
         rover(aboard=["labs"]),
-        "kind 'rover': aboard 'labs': there is no such node; most alike are lab",
+        "kind 'rover': aboard 'labs': no such node; most alike are lab",
     ),
     (team(robots=4), "expected robots to be 3, the robots of all kinds together, or none, got 4"),
     (
@@ -212,10 +212,10 @@ REFUSED = [
         "expected base, the label of a node, found none: give base",
     ),
     (team(graph={"base": None}), "expected base, the label of a node, found none: give base"),
-    (plain(graph={"base": "deck"}), "base 'deck': there is no such node; most alike are dock, "),
+    (plain(graph={"base": "deck"}), "base 'deck': no such node; most alike are dock, "),
     (
         plain(graph={"base": ["dock"]}),
-        "base ['dock']: there is no such node; most alike are dock, ",
+        "base ['dock']: no such node; most alike are dock, ",
     ),
     (
         wild(),

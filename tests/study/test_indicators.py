@@ -138,7 +138,7 @@ def test_what_gives_no_number_is_refused_before_anything_runs(function, said, mo
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        ("loss", "'loss': there is no such indicator; known.* missed"),
+        ("loss", "'loss': no such indicator; known.* missed"),
         (3, "Expected .* to be a text, got"),
         ("json:no", ".*cannot be imported"),
         ("json:__name__", ".*to be a function"),

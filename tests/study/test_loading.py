@@ -316,11 +316,11 @@ budget: {evaluations: 100}
 seeds: 1
 """,
                 [
-                    (3, "'art_museun': there is no such mission; known are art_museum,"),
+                    (3, "'art_museun': no such mission; known are art_museum,"),
                     (6, "nodes: Expected nodes to be an integer >= 2, got '50'"),
                     (6, "sed: there is no parameter 'sed'; known are seed,"),
                     (7, "missing.json': no such file"),
-                    (9, "'bo-acco': there is no such algorithm; known are bo-aco,"),
+                    (9, "'bo-acco': no such algorithm; known are bo-aco,"),
                     (13, "there is no parameter 'pop_sise'; known are pop_size,"),
                     (14, "Expected pop_size to be an integer in [2, 1000000], got 1.5"),
                     (15, "Expected n_ants in [1, 1000000], got 0"),

@@ -134,7 +134,7 @@ class TestCommand:
     @pytest.mark.parametrize(
         ("given", "named"),
         [
-            (["no-such"], "there is no such algorithm"),
+            (["no-such"], "no such algorithm"),
             (["no_such:mission"], "no_such"),
             (["bo-aco", "-p", "n_ants=0"], "Expected n_ants in"),
         ],

@@ -90,7 +90,7 @@ def check_file(path: Path) -> None:
     Devices and pipes are refused, since a file would replace them.
     """
     if not path.parent.is_dir():
-        raise FileNotFoundError(errno.ENOENT, "there is no such folder", str(path.parent))
+        raise FileNotFoundError(errno.ENOENT, "no such folder", str(path.parent))
     if path.exists() and not path.is_file():
         raise OSError(errno.EINVAL, "expected a file, found a folder, device or pipe", str(path))
 

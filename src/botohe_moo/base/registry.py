@@ -76,7 +76,7 @@ class Registry:
         else:
             known = ", ".join(nearest_first(name, self))
             raise PluginError(
-                f"there is no such {self.kind}; known are {known}; "
+                f"no such {self.kind}; known are {known}; "
                 "a package that registers it may not be installed"
             )
         try:

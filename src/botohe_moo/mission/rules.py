@@ -290,7 +290,7 @@ def attribute_faults(graph: nx.DiGraph[Any], kinds: Sequence[Kind] = ()) -> list
                     unknown.setdefault((name, kind), []).append(whose(*labels))
     for (name, kind), where in unknown.items():
         near = most_alike(kind, known) or "; the mission lists no kinds"
-        fault = f"{name} of kind {quoted(kind)}: there is no such kind{near}"
+        fault = f"{name} of kind {quoted(kind)}: no such kind{near}"
         faults.insert(0, f"{listed(where, most=1)}: {fault}")
     return faults
 
@@ -321,7 +321,7 @@ def _label_faults(kind: Kind, graph: nx.DiGraph[Any], pays: object) -> Iterator[
 
 def _no_such_node(name: str, label: Hashable, graph: nx.DiGraph[Any]) -> str:
     near = most_alike(str(label), map(str, graph))
-    return f"{name} {quoted(label)}: there is no such node{near}"
+    return f"{name} {quoted(label)}: no such node{near}"
 
 
 def graph_faults(graph: Any, kinds: Sequence[Kind], given: Mapping[str, Any]) -> list[str]:
