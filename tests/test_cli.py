@@ -617,10 +617,11 @@ class TestListings:
         said = "pier.json: a valid mission, 2 nodes, 2 arcs, 2 robots, total reward 1.5\n"
         said += "  rewards 0 to 1.5, survivals 0.8 to 0.9\n"
         assert done("missions", "check", good) == said
-        ended = run_botohe("missions", "check", bad, "lost.json", good)
+        ended = run_botohe("missions", "check", bad, "lost.json", "art_musuem", good)
         assert (ended.status, ended.out) == (2, said)
-        first, second = ended.err.splitlines()
+        first, second, third = ended.err.splitlines()
         assert first.startswith("botohe: bad.json: expected robots")
+        assert "no such mission; known are art_museum, " in third
         assert second == "botohe: lost.json: no such file or directory"
 
     def test_help(self):
@@ -666,7 +667,8 @@ class TestChoose:
         rows = [row for row in front_in(solved) if row[2] >= 1.5]
         plan_id, reward, survivors = max(rows, key=lambda row: row[1])
         lines = out.splitlines()
-        assert lines[0] == f"plan {plan_id}: reward {reward:.4g}, survivors {survivors:.4g}"
+        means = f"expected reward {reward:.4g}, expected survivors {survivors:.4g}"
+        assert lines[0] == f"plan {plan_id}: {means}"
         assert f"plan {plan_id} has the most reward with survivors >= 1.5" in lines[1]
         assert lines[-1] == f"`botohe explore {solved}` makes a page that shows it on the map."
         for robot, trail in enumerate(plans_in(solved)["plans"][plan_id]["trails"]):
@@ -735,7 +737,7 @@ class TestBound:
         assert title == f"{toy.title}: 5 nodes, 12 arcs, 2 robots, total reward 10"
         assert (empty, blank, wrote) == ("", "", "wrote bound.json")
         self.check(verdict, bound, solution)
-        assert head.split() == ["survivors", "reward", "at", "most", "found"]
+        assert head.split() == ["expected", "survivors", "reward", "at", "most", "found"]
         assert len(rows) == 9
         for row in rows:
             survivors, most, found = map(float, row.split())

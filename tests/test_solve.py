@@ -360,9 +360,9 @@ class TestDescription:
     def test_of_a_front(self, toy):
         text = solution_of(toy, [[[1, 2, 4, 2, 1], [1]], [[1], [1]]], seconds=0.5).describe()
         assert text.splitlines()[:3] == [  # 3.24 / (2 - 1.6561)
-            "plan_id      reward  survivors  price of a survivor",
-            "      0      3.2400     1.6561                9.421",
-            "      1      0.0000     2.0000                9.421",
+            "plan_id  expected reward  expected survivors  price of a survivor",
+            "      0           3.2400              1.6561                9.421",
+            "      1           0.0000              2.0000                9.421",
         ]
         assert "by hand, seed 1: spent 2 evaluations in 0.5 s" in text
         assert text.endswith("area 0.2683, 2 plans on the front")  # 3.24 · 1.6561 / 20
@@ -531,7 +531,7 @@ class TestReading:
     @pytest.mark.parametrize(
         ("damage", "fault"),
         [
-            ("{", r"Expecting property name .* line 1 column 2"),
+            ("{", r"line 1: not valid JSON: the file ends too early"),
             (None, r"no such file"),
             (('"seed": 3', '"sea": 3'), "expected the key 'seed', which is missing"),
             (

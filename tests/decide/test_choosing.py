@@ -77,7 +77,7 @@ def test_what_there_is_to_be_most_of_can_be_said_and_wishes_come_in_several_form
 
 def test_the_words():
     assert str(choose(MISSION, PLANS, "survivors >= 1.6 and every robot >= 0.9")).splitlines() == [
-        "plan 3: reward 2.8, survivors 1.9",
+        "plan 3: expected reward 2.8, expected survivors 1.9",
         "The best among these plans (6): plan 3 has the most reward with survivors >= 1.6 (1.9) "
         "and every robot >= 0.9 (0.9).",
         "Beside it on the front, plan 1 has 0.2 more reward for 0.4 fewer survivors; plan 5 has "
@@ -120,6 +120,9 @@ class TestTheImpossible:
         for most, name in (("reward", "AB"), ("survivors", "C")):
             choice = choose(MISSION, PLANS, "P(survivors >= 3) >= 1", most=most)
             assert NAMES[choice.index] == name
+            assert choice.why.endswith(
+                "No plan can have P(survivors >= 3) >= 1: the most possible is 2 survivors."
+            )
 
 
 class TestTies:

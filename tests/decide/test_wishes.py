@@ -41,6 +41,7 @@ PIER = labelled(LABELS)
 
 FORMS_READ = [
     ("survivors >= 2", Expected(quantity="survivors", at_least=2)),
+    ("expected survivors >= 2", Expected(quantity="survivors", at_least=2)),
     ("reward>=.5", Expected(quantity="reward", at_least=0.5)),
     ("  Reward  ≥ 5e0 ", Expected(quantity="reward", at_least=5)),
     ("P(survivors >= 2) >= 0.9", Chance(quantity="survivors", value=2, at_least=0.9)),
@@ -83,6 +84,14 @@ def test_labels():
 def test_a_number_may_be_a_text_where_labels_are_texts():
     [wish] = parse_wishes(labelled(["7"]), ["reach 7 >= 0.5"])
     assert wish.node == "7"
+
+
+def test_a_node_may_be_called_by_its_name():
+    graph = labelled([7]).graph.copy()
+    graph.nodes[7]["name"] = "north hall"
+    mission = Mission(graph, base="dock", robots=1)
+    for text in ("north hall", '"north hall"'):
+        assert parse_wishes(mission, [f"reach {text} >= 0.5"]) == (Reach(node=7, at_least=0.5),)
 
 
 def test_the_forms_that_are_listed_can_be_read():
@@ -171,9 +180,9 @@ def test_what_cannot_be_read_gets_one_message_with_the_forms():
 def test_numbers_and_nodes_are_checked():
     for text, fault in {
         "worst case of 3 losses >= 1": "Expected losses in [0, 2], got 3.",
-        "every robot >= 90": "Expected at_least in [0, 1], got 90.0.",
-        "P(reward >= -1) >= 0.5": "Expected value >= 0, got -1.0.",
-        "CVaR(reward, 0) >= 1": "Expected alpha in (0, 1], got 0.0.",
+        "every robot >= 90": "Expected the wanted value in [0, 1], got 90.0.",
+        "P(reward >= -1) >= 0.5": "Expected the value in P( ) >= 0, got -1.0.",
+        "CVaR(reward, 0) >= 1": "Expected the share in CVaR( ) in (0, 1], got 0.0.",
         "reach d >= 0.5": "mission 'star' has no node 'd'; most alike are dock, a, b, c.",
     }.items():
         with pytest.raises(ValueError, match=re.escape(f"Wish {text!r}: {fault}")):
@@ -191,9 +200,9 @@ def test_what_is_not_a_wish():
 def test_the_parts_of_typed_wishes_are_checked():
     chance = {"quantity": "reward", "value": None, "at_least": 1}
     for kind, parts, fault in (
-        (Chance, chance, "Expected value to be a number >= 0"),
-        (EveryRobot, {"at_least": True}, r"Expected at_least to be a number in \[0, 1\]"),
-        (WorstCase, {"at_least": -1, "losses": 1}, "Expected at_least >= 0, got -1"),
+        (Chance, chance, r"Expected the value in P\( \) to be a number >= 0"),
+        (EveryRobot, {"at_least": True}, r"Expected the wanted value to be a number in \[0, 1\]"),
+        (WorstCase, {"at_least": -1, "losses": 1}, "Expected the wanted value >= 0, got -1"),
         (WorstCase, {"at_least": 1, "losses": None}, "Expected losses to be an integer in"),
         (Wish, {"form": "best case", "at_least": 1}, "Expected form among worst case, "),
     ):

@@ -609,7 +609,7 @@ LOST = {"source": "y", "target": "x", "survival": 0.1}
 # The name of a file, its content, and words of all its faults, in their order.
 REFUSED = [
     ("x.json", b'{"a": "\xff"}', "can't decode byte 0xff in position 7"),
-    ("x.json", '{\n "directed": tru', "Expecting value: line 2 column 14"),
+    ("x.json", '{\n "directed": tru', "line 2: not valid JSON: Expecting value"),
     ("x.json", "[]", "expected the file to be a mapping, got []"),
     ("x.json", "[" * 100_000, "recursion"),
     ("x.json", '{"nodes": [{"id": 1, "id": 2}]}', "each key of an object once, found 'id' twice"),
@@ -660,7 +660,9 @@ REFUSED = [
     ("x.graphml", typed("boolean", "maybe"), *["'danger' of type boolean, got 'maybe'"] * 2),
     ("x.graphml", typed("decimal", "5"), *["of type 'decimal', one of int, integer, long"] * 2),
     ("x.geojson", "[]", "expected GeoJSON with a list of features, got []"),
-    ("x.geojson", "{", "Expecting property name"),
+    ("x.geojson", "{", "line 1: not valid JSON: the file ends too early"),
+    ("x.json", "\n", "line 2: not valid JSON: the file is empty"),
+    ("x.json", '{"directed', "line 1: not valid JSON: the file ends too early"),
     ("x.geojson", {"features": 3}, "expected GeoJSON with a list of features"),
     ("x.geojson", {"features": [], "mission": 3}, "expected mission to be an object, got 3"),
     ("x.txt", "", *(f"the end: expected '{key}' and a number" for key in ("n", "m", "tmax"))),

@@ -126,7 +126,7 @@ class TestEvents:
 
     def test_what_is_wrong(self):
         for text, fault in (
-            ("robot,event,node\n0,lost\n0,reached,9\n1\n", "row 3: mission 'toy' has no node '9'"),
+            ("robot,event,node\n0,lost\n0,reached,9\n1\n", "row 3: mission 'toy' has no node 9;"),
             ("robot,node\n0,1\n", "expected the columns robot, event and node, and"),
         ):
             with pytest.raises(EventError, match=fault):

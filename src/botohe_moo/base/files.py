@@ -73,7 +73,14 @@ class Source:
 
 def read_json(text: str | bytes) -> Any:
     """Return the content of a JSON text; a ValueError if it is not JSON, or repeats a key."""
-    return json.loads(text, object_pairs_hook=_object)
+    try:
+        return json.loads(text, object_pairs_hook=_object)
+    except json.JSONDecodeError as error:
+        ends = error.msg.startswith("Unterminated") or not error.doc[error.pos :].strip()
+        why = "the file ends too early" if error.doc.strip() else "the file is empty"
+        raise ValueError(
+            f"line {error.lineno}: not valid JSON: {why if ends else error.msg}"
+        ) from None
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

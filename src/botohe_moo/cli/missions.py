@@ -74,19 +74,19 @@ def show(mission: str, options: dict[str, Any], *, picture: Path | None = None) 
 
 @command(missions_app)
 def check(files: list[Path], options: dict[str, Any]) -> None:
-    """Check mission files, and name all faults.
+    """Check mission files or named missions, and name all faults.
 
-    The exit status is 2 if a file is wrong.
+    The exit status is 2 if one is wrong.
 
     Parameters
     ----------
-    files : FILE
-        Mission files.
+    files : MISSION
+        Mission files, or names of missions.
     """
     failed = False
     for path in files:
         try:
-            loaded = bm.load_mission(path, **options)
+            loaded = bm.load_mission(str(path), **options)  # names are checked, too
         except ValueError as error:
             say(error)
             failed = True

@@ -110,7 +110,10 @@ def solve(
     if certify is not None:
         _certify(solution, folder, certify)
     if choice is None:
-        where, wish_for = shlex.quote(str(folder)), f'"survivors >= {2 * loaded.robots / 3:.2g}"'
+        where, wish_for = (
+            shlex.quote(str(folder)),
+            f'"expected survivors >= {2 * loaded.robots / 3:.2g}"',
+        )
         tell(f"\nNext:\n  botohe explore {where} --open\n  botohe choose {where} {wish_for}")
     elif not choice.met:
         fail("no plan meets all wishes.", FAILED)
@@ -279,7 +282,7 @@ def _tell_verdict(bound: bm.FrontBound, solution: bm.Solution | None) -> None:
 
 
 def _bound_table(bound: bm.FrontBound, solution: bm.Solution | None) -> str:
-    rows = [("survivors", "reward at most", "found")[: 2 if solution is None else 3]]
+    rows = [("expected survivors", "reward at most", "found")[: 2 if solution is None else 3]]
     for i in range(_ROWS + 1):
         survivors = bound.mission.robots * i / _ROWS
         row = [survivors, bound.bound(survivors)]

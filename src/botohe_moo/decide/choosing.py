@@ -96,8 +96,9 @@ class Choice:
     missed: tuple[Miss, ...]
 
     def __str__(self) -> str:
-        objectives = f"reward {short_text(self.reward)}, survivors {short_text(self.survivors)}"
-        return "\n".join([f"plan {self.index}: {objectives}", self.why, *self.costs])
+        reward, survivors = short_text(self.reward), short_text(self.survivors)
+        title = f"plan {self.index}: expected reward {reward}, expected survivors {survivors}"
+        return "\n".join([title, self.why, *self.costs])
 
     @property
     def costs(self) -> tuple[str, ...]:
@@ -195,6 +196,7 @@ def best(
         why = (
             f"None of {n_plans} has {' and '.join(map(str, wanted))}. "
             f"Plan {chosen} comes nearest: it misses {missed}."
+            + "".join(front.impossible(wish) for wish in wanted)
         )
     return _choice(front, chosen, why + front.simulation_note(), wanted)
 

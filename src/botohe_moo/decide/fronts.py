@@ -283,12 +283,12 @@ def front_table(
         marked = {0, n_plans - 1, knee}
         shown = sorted(marked.union(representatives(mission, plans, _ROWS - len(marked))))
     prices = survivor_prices(objectives, objectives[:, 1])
-    lines = ["plan_id      reward  survivors  price of a survivor"]
+    lines = ["plan_id  expected reward  expected survivors  price of a survivor"]
     for row in shown:
         reward, survivors = objectives[row].tolist()
         mark = "  knee" if row == knee and n_plans > 2 else ""
         price = short_text(prices[row])
-        lines.append(f"{row:>7}  {reward:>10.4f}  {survivors:>9.4f}  {price:>19}{mark}")
+        lines.append(f"{row:>7}  {reward:>15.4f}  {survivors:>18.4f}  {price:>19}{mark}")
     return "\n".join(lines), len(shown)
 
 

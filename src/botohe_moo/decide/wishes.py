@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import json
 import re
-from collections.abc import Callable, Container, Hashable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -17,6 +17,7 @@ from botohe_moo.base.messages import quoted
 from botohe_moo.decide.fronts import SLACK
 from botohe_moo.decide.hazards import worst_loss
 from botohe_moo.mission.formats.graphs import plain_label
+from botohe_moo.mission.formats.reading import find_label
 from botohe_moo.mission.model import Mission, check_mission
 from botohe_moo.mission.rules import read_label
 from botohe_moo.trails import Plans
@@ -39,7 +40,7 @@ _PATTERNS = {
     "worst case": r"worst case of (?P<losses>\d+) loss(?:es)?",
     "chance": rf"P_\(_{_SUBJECT}_>=_(?P<value>{_NUMBER})_\)",
     "tail mean": rf"CVaR_\(_{_SUBJECT}_,_(?P<alpha>{_NUMBER})_\)",
-    "expected": _SUBJECT,
+    "expected": rf"(?:expected )?{_SUBJECT}",
 }
 _TEXTS = {
     "expected": "{subject} >= {at_least}",
@@ -188,7 +189,7 @@ def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, 
 
 
 def _parsed(mission: Mission, text: str) -> Iterator[Wish]:
-    known = {"kind": [kind.name for kind in mission.kinds], "node": mission.graph}
+    known = {"kind": {kind.name: {} for kind in mission.kinds}, "node": mission.graph.nodes}
     start = 0
     while start < len(text) or not start:
         matches = ((form, pattern.match(text, start)) for form, pattern in _COMPILED.items())
@@ -206,26 +207,25 @@ def _parsed(mission: Mission, text: str) -> Iterator[Wish]:
         start = found.end()
 
 
-def _meant(text: str, known: Container[Any]) -> Hashable:
-    """Return the label that a text means: the value that it writes if that is known, or itself."""
+def _meant(text: str, known: Mapping[Any, Any]) -> Hashable:
+    """Return the label that a text means: the value that it writes, itself, or a node's name."""
+    label: Hashable = text
     with suppress(ValueError, SyntaxError):
         value = ast.literal_eval(text)
         label = read_label(list(value) if isinstance(value, tuple) else value)
-        if label in known:
-            return label
-    return text
+    return next((each for each in (label, text) if each in known), find_label(label, known))
 
 
 def _known(mission: Mission, wish: Wish) -> Wish:
     """Return a wish whose numbers are in range, and whose node or kind the mission has."""
     checks.check_choice("form", wish.form, _TEXTS)
     most = p.Probability if wish.form in _PROBABILITIES else p.NotNegative
-    p.check("at_least", wish.at_least, most)
+    p.check("the wanted value", wish.at_least, most)
     match wish.form:
         case "chance":
-            p.check("value", wish.value, p.NotNegative)
+            p.check("the value in P( )", wish.value, p.NotNegative)
         case "tail mean":
-            p.check("alpha", wish.alpha, float, gt=0, le=1)
+            p.check("the share in CVaR( )", wish.alpha, float, gt=0, le=1)
         case "worst case":
             p.check("losses", wish.losses, int, ge=0, le=mission.robots)
         case "reach" if wish.node not in mission.graph:
@@ -238,7 +238,7 @@ def _known(mission: Mission, wish: Wish) -> Wish:
 
 def node_of(mission: Mission, text: str) -> Hashable:
     """Return the node that a text names, as in a wish; a ValueError names one that is unknown."""
-    node = _meant(text, mission.graph)
+    node = _meant(text, mission.graph.nodes)
     if node not in mission.graph:
         raise _unknown(mission, "node", node, mission.nodes)
     return node
@@ -301,11 +301,20 @@ class Candidates:
 
     def span(self, wish: Wish) -> float:
         """Return the range of what a plan can have, by which shortfalls are scaled."""
-        if wish.form in _PROBABILITIES:
-            return 1.0
+        return 1.0 if wish.form in _PROBABILITIES else self.most(wish)
+
+    def most(self, wish: Wish) -> float:
+        """Return the most reward or survivors there can be, of those that a wish counts."""
         if wish.quantity != "survivors":
             return self.mission.total_reward or 1.0
         return float(sum(k.robots for k in self.mission.kinds if wish.kind in (None, k.name)))
+
+    def impossible(self, wish: Wish) -> str:
+        """Write a sentence if no plan of the mission can meet a wish."""
+        needed = wish.value if wish.form == "chance" and wish.at_least else wish.at_least
+        most = 1.0 if wish.form in ("every robot", "reach") else self.most(wish)
+        possible = f"the most possible is {most:g} {wish.quantity or 'reward'}"
+        return f" No plan can have {wish}: {possible}." if needed > most * (1 + SLACK) else ""
 
     def simulation_note(self) -> str:
         """Write a sentence if some rewards had to be simulated."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import json
 import os
+import re
 import warnings
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -345,7 +346,9 @@ class _Site:
     def open_both_ways(self) -> None:
         """Add an arc back for each arc that has none, with the same attributes."""
         known = {ends for _, ends, _ in self.arcs}
-        back = [Row(where, ends[::-1], {**attributes}) for where, ends, attributes in self.arcs]
+        back = [
+            Row(w, ends[::-1], {**of}) for w, ends, of in self.arcs if {*ends} <= self.at.keys()
+        ]
         self.arcs += [arc for arc in back if arc.labels not in known]
 
     def add_lengths(self) -> None:
@@ -624,7 +627,25 @@ def mission_from_tables(
     base = base.strip() if isinstance(base, str) else base
     graph = {"max_length": max_length} | ({"title": title} if title else {})
     draft = Draft(node_rows, arc_rows, graph, faults)
-    return make_mission(draft, base=base, robots=robots, kinds=kinds, **options)
+    try:
+        return make_mission(draft, base=base, robots=robots, kinds=kinds, **options)
+    except MissionError as error:
+        raise MissionError(
+            _with_rows(error.faults, [*node_rows, *arc_rows]), error.source
+        ) from None
+
+
+def _with_rows(faults: Iterable[str], rows: Sequence[Row]) -> Iterable[str]:
+    """Begin faults with the rows of their nodes and arcs; an arc back has those of its arc."""
+    named = {rules.whose(*row.labels[::way]): row for way in (-1, 1) for row in rows}
+    told = []
+    for fault in faults:
+        ends = (fault[: found.start()] for found in re.finditer(": ", fault))
+        if name := next((name for name in ends if name in named), ""):
+            where, labels, _ = named[name]
+            fault = f"{where}: {rules.whose(*labels)}{fault.removeprefix(name)}"
+        told.append(fault)
+    return dict.fromkeys(told)
 
 
 def _rows(table: str, frame: pd.DataFrame, labels: tuple[str, ...]) -> tuple[list[Row], list[str]]:
