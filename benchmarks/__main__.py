@@ -1,10 +1,10 @@
 """The numbers this project claims: ``python -m benchmarks [NAME ...] [--before PATH]``.
 
 Each benchmark is a module, whose ``run`` writes to a folder of results/; by default all of them
-run. ``made`` lists which command made each result, and in which commit. ``--before`` names another
-checkout, which start and pace measure beside this one. The exit status is 1 if a curve is
-not the published one, or an area, a reward, a gap, a gain or a size misses its bound; times
-themselves, and ratios to another checkout, are never judged: machines differ.
+run. ``made`` lists which command makes each result, and the commit that last changed it.
+``--before`` names another checkout, which start and pace measure beside this one. The exit status
+is 1 if a curve is not the published one, or an area, a reward, a gap, a gain or a size misses its
+bound; times themselves, and ratios to another checkout, are never judged: machines differ.
 """
 
 import argparse

@@ -1,4 +1,7 @@
-"""Which command made each result, as results/README.md says, and when."""
+"""Which command makes each result, as results/README.md says, and which commit last changed it.
+
+That commit need not be the one that measured: it may have changed a title only.
+"""
 
 import re
 import subprocess
@@ -18,7 +21,7 @@ def folders(results: Path) -> list[str]:
 
 
 def run(results: Path) -> bool:
-    """Print folder, commit, date and command; tell whether each folder has a command."""
+    """Print folder, last commit, its date and command; tell whether each folder has a command."""
     known, log = commands(results), ["git", "log", "-1", "--format=%h %as", "--"]
     for folder in folders(results):
         last = subprocess.check_output([*log, folder], cwd=results, text=True).strip()

@@ -704,7 +704,7 @@ class TestChoose:
         path.write_text(json.dumps(content))
         fly = ["choose", "solved", "--plan", 2, "--out", "site.plan"]
         assert done(*fly, "--altitude", 30).splitlines()[-1] == "wrote site-1.plan"
-        assert "altitude (of a multicopter, in metres) to be a number > 0" in refused(*fly)
+        assert "an altitude for the multicopter, in metres (--altitude)" in refused(*fly)
         dive = ["choose", "solved", "--plan", 2, "--out", "sea.plan", "--vehicle", "submarine"]
         done(*dive, "--altitude", -4)
         sea = json.loads(Path("sea-1.plan").read_text())["mission"]

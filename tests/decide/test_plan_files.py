@@ -317,11 +317,11 @@ def test_vehicles(tmp_path):
 def test_altitudes_and_vehicles_that_are_refused(tmp_path):
     mission = harbour()
     for altitude, vehicle, fault in (
-        (None, "multicopter", "altitude (of a multicopter, in metres) to be a number > 0, got"),
+        (None, "multicopter", "an altitude for the multicopter, in metres (--altitude), got none."),
         (-3, "multicopter", "altitude (of a multicopter, in metres) > 0, got -3."),
         (math.nan, "vtol", "altitude (of a vtol, in metres) to be a finite number > 0, got nan."),
         (math.inf, "boat", "altitude (of a boat, in metres) to be a finite number, got inf."),
-        (None, "submarine", "altitude (of a submarine, in metres) to be a number <= 0, got None."),
+        (None, "submarine", "an altitude for the submarine, in metres (--altitude), got none."),
         (3, "submarine", "altitude (of a submarine, in metres) <= 0, got 3."),
         (3, "rovr", "vehicle among rover, boat, vtol, submarine, multicopter, fixed-wing, got"),
     ):

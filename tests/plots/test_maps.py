@@ -166,7 +166,10 @@ class TestPlan:
         assert [map_name(one) for one in (team, *own)] == names
         reward, survivors = MUSEUM.evaluate([MUSEUM_PLAN])[0]
         objectives = f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}"
-        assert words(ax) == f"{objectives}; numbers: order of visit; staying at 1: R2"
+        assert (
+            words(ax)
+            == f"{objectives}; numbers on each robot's own map: order of visit; staying at 1: R2"
+        )
         ax.figure.draw_without_rendering()
         boxes = [one.get_window_extent() for one in maps_of(ax)]
         sheet = ax.figure.bbox

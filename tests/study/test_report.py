@@ -8,6 +8,7 @@ import subprocess
 from dataclasses import dataclass, replace
 from html.parser import HTMLParser
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pandas as pd
@@ -234,6 +235,15 @@ class TestReport:
         tables = made_study(tmp_path, content_of(["m"], ["A", "B"]), lambda _: lost)
         assert {path.name for path in write_report(tables)} == {*FIXED_NAMES, "areas-m.png"}
         assert "A 0 (1.5) B 0 (1.5)" in page_text(tables)  # two runs cannot tell: no mark
+
+    def test_if_it_is_interrupted_all_files_stay(self, tmp_path, monkeypatch):
+        tables = made_study(tmp_path, content_of(["m"], ["A"], seeds=1), growing)
+        before = {path: path.read_bytes() for path in write_report(tables)}
+        monkeypatch.setattr(report, "render_page", Mock(side_effect=KeyboardInterrupt))
+        with pytest.raises(KeyboardInterrupt):
+            write_report(replace(tables, runs=tables.runs.assign(area=0.5)))
+        files = [path for path in (tables.folder / "report").rglob("*") if path.is_file()]
+        assert {path: path.read_bytes() for path in files} == before
 
     def test_no_run_at_all(self, tmp_path):
         tables = made_study(tmp_path, content_of(["m"], ["A"]), lambda _: None)

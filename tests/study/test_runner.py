@@ -501,6 +501,8 @@ class TestCommands:
         path.write_text(json.dumps(study_of(algorithms=algorithms, seeds=1)))
         said = self.invoke("plan", path, "--out", folder)
         assert "2 runs: 0 are there, 2 to go" in said
+        assert "With 1 seed, no difference can be significant at 0.05 after" in said
+        assert said.endswith(": 4 seeds are needed")  # 2 / binomial(8, 4) = 0.029
         assert not folder.exists()
         said = self.invoke("run", path, "--out", folder, status=1)
         assert "bad on toy, seed 1: failed: RuntimeError: out of luck" in said

@@ -100,13 +100,15 @@ def check_file(path: Path) -> None:
         raise FileNotFoundError(errno.ENOENT, "no such folder", str(path.parent))
     if path.exists() and not path.is_file():
         raise OSError(errno.EINVAL, "expected a file, found a folder, device or pipe", str(path))
+    check_folder(path.parent)
 
 
 def check_folder(folder: Path) -> None:
     """Refuse, with an OSError, a folder that cannot be written to; it need not exist."""
     there = next(path for path in (folder, *folder.parents) if path.exists())
     if not (there.is_dir() and os.access(there, os.W_OK)):
-        raise OSError(errno.EACCES, "expected a folder to write to", str(there))
+        why = os.strerror(errno.EACCES) if there.is_dir() else "expected a folder to write to"
+        raise OSError(errno.EACCES, why, str(there))
 
 
 def check_suffix(path: Path, known: Collection[str]) -> None:

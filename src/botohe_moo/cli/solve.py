@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 import time
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -128,6 +129,10 @@ def _search(stop: Event, **how: Any) -> bm.Solution:
             solution = bm.solve(**how, progress=progress, stop=stop)
     except (RefusalError, bm.algorithms.TooLargeError) as error:
         fail(error)
+    except Exception as error:  # whatever another package's algorithm may raise
+        at = traceback.extract_tb(error.__traceback__)[-1]
+        said = f"{type(error).__name__}: {error} ({at.filename}, line {at.lineno})"
+        fail(f"algorithm {how['algorithm']!r} failed: {said}; solve() shows the traceback.", FAILED)
     if not solution.plans:
         found = f"{solution.algorithm} found no plan in {solution.evaluations} evaluations"
         status = common.INTERRUPTED if stop.is_set() else FAILED

@@ -169,7 +169,7 @@ def _say_missing(tables: studies.StudyTables) -> None:
 
 @command(study_app)
 def plan(file: Path, *, out: Path | None = None) -> None:
-    """Count finished and missing runs."""
+    """Count finished and missing runs, and say if more seeds are needed."""
     from botohe_moo.study import runner
     from botohe_moo.study.folder import StudyFolder
     from botohe_moo.study.model import study_folder
@@ -182,6 +182,10 @@ def plan(file: Path, *, out: Path | None = None) -> None:
     tell(_plan_table(planned))
     n_there, n_runs, n_bounds = map(len, (planned.finished, planned.runs, planned.unbounded))
     tell(f"\n{n_runs} runs: {n_there} are there, {n_runs - n_there} to go, in {folder.path}")
+    if len(study.seeds) < (needed := study.seeds_needed):
+        few, level = counted(len(study.seeds), "seed"), study.file.comparison.significance
+        why = f"no difference can be significant at {level:g} after Holm's correction"
+        tell(f"With {few}, {why}: {needed} seeds are needed")
     if n_bounds:
         each = f"at most {_duration(study.bound_seconds)} each"
         tell(f"{counted(n_bounds, 'bound')} to compute when the runs are done, {each}")

@@ -303,7 +303,11 @@ def _altitude(vehicle: str, altitude: float | None) -> float:
     """Return a checked altitude of waypoints, by default 0 for vehicles that stay on a surface."""
     check_choice("vehicle", vehicle, VEHICLES)
     allowed = _ALTITUDES.get(vehicle, {"gt": 0})
-    if altitude is None and not allowed:
+    if altitude is None and allowed:
+        raise ValueError(
+            f"Expected an altitude for the {vehicle}, in metres (--altitude), got none."
+        )
+    if altitude is None:
         return 0.0
     return float(check(f"altitude (of a {vehicle}, in metres)", altitude, FiniteFloat, **allowed))
 

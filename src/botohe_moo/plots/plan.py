@@ -128,7 +128,7 @@ def plot_plan(
         for small, robot in zip(others, robots, strict=True):
             shown.draw_robot(small, robot)
         if robots:
-            notes.insert(1, "numbers: order of visit")
+            notes.insert(1, "numbers on each robot's own map: order of visit")
         if 0 < len(robots) < len(shown.leaving):
             notes.append(f"maps of {len(robots)} of the {len(shown.leaving)} robots that leave")
         title_above(first, mission.title if title is None else title, "; ".join(notes))

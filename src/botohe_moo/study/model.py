@@ -284,6 +284,18 @@ class Study:
         return self.file.bounds.seconds if self.file.bounds else 0.0
 
     @property
+    def seeds_needed(self) -> int:
+        """The fewest seeds with which a difference may be significant.
+
+        Two samples of n runs have a p-value of at least 2 / binomial(2 n, n) in a Mann-Whitney
+        test. Holm's correction multiplies the smallest by the number of tests on a mission.
+        """
+        n, rule = len(self.algorithms), self.file.comparison
+        tests = n - 1 if rule.control else math.comb(n, 2)
+        p_values = ((k, 2 * tests / math.comb(2 * k, k)) for k in itertools.count(1))
+        return next(k for k, p_value in p_values if p_value < rule.significance)
+
+    @property
     def bounded(self) -> tuple[StudyMission, ...]:
         """The missions whose fronts are to be bounded: all or none."""
         return self.missions if self.file.bounds else ()

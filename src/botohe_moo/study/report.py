@@ -10,6 +10,8 @@ import itertools
 import math
 import multiprocessing
 import re
+import signal
+import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -22,7 +24,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
-from botohe_moo.base.files import replace_file
+from botohe_moo.base.files import check_folder, replace_file
 from botohe_moo.base.messages import counted
 from botohe_moo.indicators import INDICATORS
 from botohe_moo.plots import comparisons, front
@@ -265,8 +267,9 @@ def draw_figures(tables: StudyTables, folder: Path, *, workers: int = 1) -> dict
     draw = functools.partial(_draw_mission, folder, palette)
     if min(workers, len(labels)) == 1:
         return figures | dict(zip(labels, map(draw, parts, labels), strict=True))
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(workers, len(labels)), mp_context=context) as pool:
+    context, n = multiprocessing.get_context("spawn"), min(workers, len(labels))
+    silent = signal.SIGINT, signal.SIG_DFL  # Ctrl-C ends workers without a traceback
+    with ProcessPoolExecutor(n, context, signal.signal, silent) as pool:
         return figures | dict(zip(labels, pool.map(draw, parts, labels), strict=True))
 
 
@@ -371,16 +374,19 @@ def write_report(tables: StudyTables, *, workers: int = 1) -> list[Path]:
 
     They are ``report.html``, ``outcome.tex``, ``summary.tex``, ``comparisons.tex``, ``ranks.tex``,
     and the figures in the folder ``figures``, which ``workers`` processes draw. Files of other
-    names stay.
+    names stay. No file is replaced before all figures are drawn.
     """
     folder = tables.folder / "report"
     (folder / "figures").mkdir(parents=True, exist_ok=True)
-    figures = draw_figures(tables, folder / "figures", workers=workers)
-    texts = {"report.html": render_page(tables, figures), **tables_latex(tables)}
+    check_folder(folder / "figures")
+    with tempfile.TemporaryDirectory(dir=folder / "figures", prefix=".") as drawn:
+        figures = draw_figures(tables, Path(drawn), workers=workers)
+        texts = {"report.html": render_page(tables, figures), **tables_latex(tables)}
+        files = [path for pictures in figures.values() for paths, _ in pictures for path in paths]
+        moved = [path.replace(folder / "figures" / path.name) for path in files]
     for name, text in texts.items():
         replace_file(folder / name, text.encode())
-    drawn = [path for of_mission in figures.values() for paths, _ in of_mission for path in paths]
-    return [*(folder / name for name in texts), *drawn]
+    return [*(folder / name for name in texts), *moved]
 
 
 def render_page(tables: StudyTables, figures: Mapping[str, Sequence[Figure]]) -> str:

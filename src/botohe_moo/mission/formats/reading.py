@@ -9,7 +9,6 @@ from __future__ import annotations
 import functools
 import json
 import os
-import re
 import warnings
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -640,11 +639,9 @@ def _with_rows(faults: Iterable[str], rows: Sequence[Row]) -> Iterable[str]:
     named = {rules.whose(*row.labels[::way]): row for way in (-1, 1) for row in rows}
     told = []
     for fault in faults:
-        ends = (fault[: found.start()] for found in re.finditer(": ", fault))
-        if name := next((name for name in ends if name in named), ""):
-            where, labels, _ = named[name]
-            fault = f"{where}: {rules.whose(*labels)}{fault.removeprefix(name)}"
-        told.append(fault)
+        name, _, said = fault.partition(": ")
+        where, labels, _ = named.get(name, ("", (), {}))
+        told.append(f"{where}: {rules.whose(*labels)}: {said}" if labels else fault)
     return dict.fromkeys(told)
 
 
