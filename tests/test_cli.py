@@ -560,6 +560,10 @@ ODD = """
 
         def _setup(self, problem, **_):
             raise ValueError(f"Expected at most 3 nodes, got {len(problem.mission.nodes)}.")
+
+    class Broken(Nothing):
+        def _infill(self):
+            return {}["lost"]
 """
 
 
@@ -574,6 +578,12 @@ def test_algorithms_of_others(folder, monkeypatch):
     ended = run_botohe(*picky, "-p", "limit=3")
     expected = "botohe: Algorithm 'odd:Picky': Expected at most 3 nodes, got 5.\n"
     assert (ended.status, ended.err) == (2, expected)
+    ended = run_botohe("solve", "toy", "-a", "odd:Broken")
+    assert ended.status == 1
+    assert re.fullmatch(
+        r"botohe: algorithm 'odd:Broken' failed: KeyError: 'lost' \(\S+odd\.py, line \d+\)\.\n",
+        ended.err,
+    )
     assert done("algorithms", "odd:Nothing") == "odd:Nothing: Find what is hard to beat.\n"
     assert done("algorithms", "odd:Picky") == (
         "odd:Picky: Refuse every mission.\n\n"

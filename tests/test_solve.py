@@ -531,7 +531,7 @@ class TestReading:
     @pytest.mark.parametrize(
         ("damage", "fault"),
         [
-            ("{", r"line 1: not valid JSON: the file ends too early"),
+            ("{", r"line 1: not valid JSON: the file is empty or ends"),
             (None, r"no such file"),
             (('"seed": 3', '"sea": 3'), "expected the key 'seed', which is missing"),
             (

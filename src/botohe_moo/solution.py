@@ -373,9 +373,8 @@ def read_solution(folder: str | os.PathLike[str], *, mission: Mission | None = N
 
 def _plans_of(record: _Record, mission: Mission) -> PlanBatch:
     """Return the plans of a file, in one pass: a front may have millions of nodes on its trails."""
-    index_of = {
-        read_label(json.loads(_as_json(node))): i for i, node in enumerate(mission.nodes)
-    }  # by the labels as JSON gives them back
+    labels = (read_label(json.loads(_as_json(node))) for node in mission.nodes)  # as in the file
+    index_of = {label: i for i, label in enumerate(labels)}
     plans = []
     for i, plan in enumerate(record.plans):
         try:

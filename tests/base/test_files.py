@@ -6,7 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from botohe_moo.base.files import Source, new_folder, read_json, read_table, replace_file
+from botohe_moo.base.files import (
+    Source,
+    check_folder,
+    new_folder,
+    read_json,
+    read_table,
+    replace_file,
+)
 
 
 def contents(folder):
@@ -52,6 +59,17 @@ def test_a_missing_folder_is_named(tmp_path):
         replace_file(path, b"new")
     assert raised.value.filename == str(path.parent)
     assert contents(tmp_path) == {}
+
+
+def test_a_folder_without_permission_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "access", lambda *_: False)  # root may write anywhere
+    for refused in (
+        lambda: replace_file(tmp_path / "plans.json", b"new"),
+        lambda: check_folder(tmp_path / "new" / "folder"),
+    ):
+        with pytest.raises(OSError, match="Permission denied") as raised:
+            refused()
+        assert raised.value.filename == str(tmp_path)
 
 
 @pytest.mark.parametrize(

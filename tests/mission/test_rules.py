@@ -88,7 +88,7 @@ class TestNumbersAndFlags:
         for value in values:
             said = "found none" if value is None else f"got {value!r}"
             found = faults_of(harbour(**{whose: {name: value}}))
-            assert [fault.removesuffix("; write a number") for fault in found] == [
+            assert [fault.removesuffix("; write a number, as 0.95") for fault in found] == [
                 f"{owner}expected {expected}, {said}"
             ]
 
@@ -112,8 +112,8 @@ class TestNumbersAndFlags:
 REFUSED = [
     (
         plain(reef={"reward": "2,5"}, dock_reef={"survival": "0,5"}),
-        f"{NODE}expected a finite reward >= 0, got '2,5'; write numbers with a point",
-        f"{ARC}expected survival in (0, 1], got '0,5'; write numbers with a point",
+        f"{NODE}expected a finite reward >= 0, got '2,5'; write a number, as 0.95",
+        f"{ARC}expected survival in (0, 1], got '0,5'; write a number, as 0.95",
     ),
     (
         team(lab={"share": {"drone": 2, "rovr": 1}}),
@@ -130,7 +130,7 @@ REFUSED = [
         f"{LAB}: survival of kind 'rovr': no such kind; most alike are rover, drone",
         "arc 'lab' -> 'dock': expected survival in [0, 1] of kind 'drone', got nan",
         "arc 'lab' -> 'dock': expected survival in [0, 1] of kind 'rover', found none",
-        "arc 'lab' -> 'roof': expected survival in [0, 1] of kind 'drone', got '0,8'; write numb",
+        "arc 'lab' -> 'roof': expected survival in [0, 1] of kind 'drone', got '0,8'; write a nu",
         "arc 'lab' -> 'roof': expected survival in [0, 1] of kind 'rover', got -1",
         "arc 'roof' -> 'lab': expected survival in (0, 1], got 0",
     ),

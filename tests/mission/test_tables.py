@@ -119,9 +119,9 @@ def test_what_tables_hold_is_what_the_mission_has(mission):
             {},
             [
                 "arcs, row 0: arc 'dock' -> 'reef': expected survival in (0, 1], got '95%'; write "
-                "95 % as 0.95",
+                "a number, as 0.95",
                 "arcs, row 1: arc 'reef' -> 'cave': expected survival in (0, 1], got 'high'; write "
-                "a number",
+                "a number, as 0.95",
             ],
         ),
     ],

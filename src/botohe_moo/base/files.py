@@ -77,7 +77,7 @@ def read_json(text: str | bytes) -> Any:
         return json.loads(text, object_pairs_hook=_object)
     except json.JSONDecodeError as error:
         ends = error.msg.startswith("Unterminated") or not error.doc[error.pos :].strip()
-        why = "the file ends too early" if error.doc.strip() else "the file is empty"
+        why = "the file is empty or ends too early" if ends else error.msg
         raise ValueError(
             f"line {error.lineno}: not valid JSON: {why if ends else error.msg}"
         ) from None

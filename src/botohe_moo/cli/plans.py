@@ -57,7 +57,8 @@ def choose(
         Choose the plan nearest to this point instead.
     out : -o PATH
         File for the plan: .json, .csv (waypoints), .geojson, .plan (QGroundControl), or a picture:
-        .png, .svg, .pdf. A name without a suffix makes a folder of files for Nav2.
+        .png, .svg, .pdf. A name without a suffix makes a folder of files for Nav2. Files of an
+        earlier plan are replaced.
     altitude : M
         Height of waypoints above the start, in metres, for a .plan file. Below 0 for a submarine. A
         rover and a boat need none.

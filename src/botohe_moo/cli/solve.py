@@ -111,10 +111,8 @@ def solve(
     if certify is not None:
         _certify(solution, folder, certify)
     if choice is None:
-        where, wish_for = (
-            shlex.quote(str(folder)),
-            f'"expected survivors >= {2 * loaded.robots / 3:.2g}"',
-        )
+        wish_for = f'"expected survivors >= {2 * loaded.robots / 3:.2g}"'
+        where = shlex.quote(str(folder))
         tell(f"\nNext:\n  botohe explore {where} --open\n  botohe choose {where} {wish_for}")
     elif not choice.met:
         fail("no plan meets all wishes.", FAILED)
@@ -132,7 +130,7 @@ def _search(stop: Event, **how: Any) -> bm.Solution:
     except Exception as error:  # whatever another package's algorithm may raise
         at = traceback.extract_tb(error.__traceback__)[-1]
         said = f"{type(error).__name__}: {error} ({at.filename}, line {at.lineno})"
-        fail(f"algorithm {how['algorithm']!r} failed: {said}; solve() shows the traceback.", FAILED)
+        fail(f"algorithm {how['algorithm']!r} failed: {said}.", FAILED)
     if not solution.plans:
         found = f"{solution.algorithm} found no plan in {solution.evaluations} evaluations"
         status = common.INTERRUPTED if stop.is_set() else FAILED

@@ -196,8 +196,9 @@ def best(
         why = (
             f"None of {n_plans} has {' and '.join(map(str, wanted))}. "
             f"Plan {chosen} comes nearest: it misses {missed}."
-            + "".join(front.impossible(wish) for wish in wanted)
         )
+        beyond = [of for of in wanted if of.at_least > front.span(of) * (1 + fronts.SLACK)]
+        why += "".join(f" No plan has {of}: {front.span(of):g} is the maximum." for of in beyond)
     return _choice(front, chosen, why + front.simulation_note(), wanted)
 
 
@@ -239,10 +240,8 @@ def toward(mission: Mission, plans: Plans, *, reward: float, survivors: float) -
     >>> choice.index, choice.met
     (2, False)
     """
-    reward, survivors = (
-        check("reward", reward, NotNegative),
-        check("survivors", survivors, NotNegative),
-    )
+    reward = check("reward", reward, NotNegative)
+    survivors = check("survivors", survivors, NotNegative)
     wanted = w.Wish("expected", reward, "reward"), w.Wish("expected", survivors, "survivors")
     front = w.Candidates(mission, plans)
     reference = np.array([wish.at_least for wish in wanted])

@@ -272,11 +272,10 @@ def nav2_files(mission: Mission, plan: TrailPlan) -> dict[str, str]:
     for robot, (nodes, trail) in enumerate(zip(mission.labels(plan), plan.trails, strict=True)):
         start, *stops = _stops(mission, nodes)
         alive = np.cumprod([survival[arc] for arc in pairwise(trail)]).tolist()
+        ways = zip(pairwise(map(id_of.get, nodes)), alive, stops, strict=True)
         legs = [
             {"edge": edges[ends], "start": ends[0], "goal": ends[1], "survival": chance, **stop}
-            for ends, chance, stop in zip(
-                pairwise(map(id_of.get, nodes)), alive, stops, strict=True
-            )
+            for ends, chance, stop in ways
         ]
         content = {"mission": mission.name}
         content |= {name: column[robot] for name, column in robots.items()}
@@ -419,7 +418,8 @@ def write_plan(
     path
         Ends in ``.json``, ``.csv``, ``.geojson`` or ``.plan``, or has no suffix: then it is a
         folder, which is made, for the files of :func:`nav2_files`. A ``.plan`` is for one robot:
-        ``site-0.plan`` and so on are written for ``site.plan``, but for robots that stay.
+        ``site-0.plan`` and so on are written for ``site.plan``, but for robots that stay. Files of
+        an earlier plan are replaced.
     altitude, vehicle
         Height of waypoints in a ``.plan``, and for which vehicle it is, as for :func:`qgc_plans`;
         for it alone.

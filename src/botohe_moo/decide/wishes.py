@@ -189,17 +189,17 @@ def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, 
 
 
 def _parsed(mission: Mission, text: str) -> Iterator[Wish]:
-    known = {"kind": {kind.name: {} for kind in mission.kinds}, "node": mission.graph.nodes}
+    kinds: dict[Any, Any] = {kind.name: {} for kind in mission.kinds}
+    nodes = mission.graph.nodes
+    readers = _READERS | {"kind": lambda t: _meant(t, kinds), "node": lambda t: _meant(t, nodes)}
     start = 0
     while start < len(text) or not start:
         matches = ((form, pattern.match(text, start)) for form, pattern in _COMPILED.items())
         form, found = next((pair for pair in matches if pair[1]), ("", None))
         if found is None:
             raise _not_a_wish(text[start:])
-        given: dict[str, Any] = {name: part for name, part in found.groupdict().items() if part}
-        for name, part in given.items():
-            read = _READERS.get(name, float)
-            given[name] = _meant(part, known[name]) if name in known else read(part)
+        parts = ((name, part) for name, part in found.groupdict().items() if part)
+        given = {name: readers.get(name, float)(part) for name, part in parts}
         try:
             yield _known(mission, Wish(form, **given))
         except ValueError as error:
@@ -283,8 +283,7 @@ class Candidates:
                 counts = [of.name == wish.kind for of in mission.kind_of]
                 return float(self._survival[i, counts].sum())
             case "chance":
-                found = self.distribution(wish.quantity, i, wish.kind)
-                return found.at_least(float(wish.value))
+                return self.distribution(wish.quantity, i, wish.kind).at_least(float(wish.value))
             case "tail mean":
                 return self.distribution(wish.quantity, i, wish.kind).cvar(wish.alpha)
             case "worst case":
@@ -301,20 +300,11 @@ class Candidates:
 
     def span(self, wish: Wish) -> float:
         """Return the range of what a plan can have, by which shortfalls are scaled."""
-        return 1.0 if wish.form in _PROBABILITIES else self.most(wish)
-
-    def most(self, wish: Wish) -> float:
-        """Return the most reward or survivors there can be, of those that a wish counts."""
+        if wish.form in _PROBABILITIES:
+            return 1.0
         if wish.quantity != "survivors":
             return self.mission.total_reward or 1.0
         return float(sum(k.robots for k in self.mission.kinds if wish.kind in (None, k.name)))
-
-    def impossible(self, wish: Wish) -> str:
-        """Write a sentence if no plan of the mission can meet a wish."""
-        needed = wish.value if wish.form == "chance" and wish.at_least else wish.at_least
-        most = 1.0 if wish.form in ("every robot", "reach") else self.most(wish)
-        possible = f"the most possible is {most:g} {wish.quantity or 'reward'}"
-        return f" No plan can have {wish}: {possible}." if needed > most * (1 + SLACK) else ""
 
     def simulation_note(self) -> str:
         """Write a sentence if some rewards had to be simulated."""
@@ -328,8 +318,6 @@ class Candidates:
         if quantity == "survivors":
             return o.survivors_distribution(self.mission, self.plans[i], kind=kind)
         if i not in self._rewards:
-            limits = {"max_outcomes": MAX_OUTCOMES, "n_samples": N_SAMPLES}
-            self._rewards[i] = o.reward_distribution(
-                self.mission, self.plans[i], **limits, random_state=SEED
-            )
+            how = {"max_outcomes": MAX_OUTCOMES, "n_samples": N_SAMPLES, "random_state": SEED}
+            self._rewards[i] = o.reward_distribution(self.mission, self.plans[i], **how)
         return self._rewards[i]

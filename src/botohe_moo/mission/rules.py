@@ -236,10 +236,6 @@ KNOWN = {*_OF_NODES, *_OF_ARCS, "zone", "label", "name", "id"}
 BY_KIND: Rules = {"survival": ("survival in [0, 1]", _within(0, 1), None), "share": _SHARE}
 
 
-# What to write instead of a text that is not a number, by what is in it.
-_HINTS = {"%": "; write 95 % as 0.95", ",": "; write numbers with a point", "": "; write a number"}
-
-
 def _faults_of(given: Mapping[str, Any], rules: Rules, names: Sequence[str] = ()) -> Iterator[str]:
     """List what is wrong with attributes.
 
@@ -255,8 +251,7 @@ def _faults_of(given: Mapping[str, Any], rules: Rules, names: Sequence[str] = ()
             of_kinds = {kind: (f"{expected} of kind {quoted(kind)}", *test) for kind in asked}
             yield from _faults_of(value, of_kinds)
         else:
-            signs = _HINTS if isinstance(value, str) and holds(1) else ()
-            hint = next((_HINTS[sign] for sign in signs if sign in value), "")
+            hint = "; write a number, as 0.95" if isinstance(value, str) and holds(1) else ""
             found = "found none" if value is None else f"got {quoted(value)}{hint}"
             yield f"expected {expected}, {found}"
 

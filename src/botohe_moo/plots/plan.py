@@ -111,9 +111,8 @@ def plot_plan(
         if ax is None:
             robots = shown.leaving[:_MOST_MAPS]
             # Between more than three, the map of all robots is larger: trails share its arcs.
-            axes = _open_sheet(
-                mission, len(robots), 2 if len(robots) == 2 or len(robots) > 3 else 1
-            )
+            span = 2 if len(robots) == 2 or len(robots) > 3 else 1
+            axes = _open_sheet(mission, len(robots), span)
         else:
             robots, axes = [], [ax]
         for one in axes:
@@ -371,11 +370,8 @@ def _open_sheet(mission: Mission, n_small: int, span: int) -> list[Axes]:
     width, height = n_columns * wide + 2 * _BESIDE, n_rows * high + _ABOVE
     fig = plt.figure(figsize=(width, height))
     space = {"left": _BESIDE / width, "right": 1 - _BESIDE / width, "wspace": 0.04}
-    space |= {
-        "bottom": _NAME / height,
-        "top": 1 - _ABOVE / height,
-        "hspace": _NAME / (high - _NAME),
-    }
+    space |= {"bottom": _NAME / height, "top": 1 - _ABOVE / height}
+    space |= {"hspace": _NAME / (high - _NAME)}
     grid = fig.add_gridspec(n_rows, n_columns, **space)
     places = [place for place in np.ndindex(n_rows, n_columns) if max(place) >= span]
     cells_of_maps = [grid[:span, :span], *(grid[place] for place in places[:n_small])]

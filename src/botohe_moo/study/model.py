@@ -290,10 +290,9 @@ class Study:
         Two samples of n runs have a p-value of at least 2 / binomial(2 n, n) in a Mann-Whitney
         test. Holm's correction multiplies the smallest by the number of tests on a mission.
         """
-        n, rule = len(self.algorithms), self.file.comparison
-        tests = n - 1 if rule.control else math.comb(n, 2)
-        p_values = ((k, 2 * tests / math.comb(2 * k, k)) for k in itertools.count(1))
-        return next(k for k, p_value in p_values if p_value < rule.significance)
+        n, level = len(self.algorithms), self.file.comparison.significance
+        tests = n - 1 if self.file.comparison.control else math.comb(n, 2)
+        return next(k for k in itertools.count(1) if 2 * tests / math.comb(2 * k, k) < level)
 
     @property
     def bounded(self) -> tuple[StudyMission, ...]:

@@ -265,9 +265,9 @@ def draw_figures(tables: StudyTables, folder: Path, *, workers: int = 1) -> dict
     figures = {"": [_saved(folder, *picture) for picture in _of_study(tables, palette)]}
     parts = [tables.of_mission(label) for label in labels]
     draw = functools.partial(_draw_mission, folder, palette)
-    if min(workers, len(labels)) == 1:
+    if (n := min(workers, len(labels))) == 1:
         return figures | dict(zip(labels, map(draw, parts, labels), strict=True))
-    context, n = multiprocessing.get_context("spawn"), min(workers, len(labels))
+    context = multiprocessing.get_context("spawn")
     silent = signal.SIGINT, signal.SIG_DFL  # Ctrl-C ends workers without a traceback
     with ProcessPoolExecutor(n, context, signal.signal, silent) as pool:
         return figures | dict(zip(labels, pool.map(draw, parts, labels), strict=True))

@@ -638,10 +638,9 @@ def _with_rows(faults: Iterable[str], rows: Sequence[Row]) -> Iterable[str]:
     """Begin faults with the rows of their nodes and arcs; an arc back has those of its arc."""
     named = {rules.whose(*row.labels[::way]): row for way in (-1, 1) for row in rows}
     told = []
-    for fault in faults:
-        name, _, said = fault.partition(": ")
+    for name, colon, said in (fault.partition(": ") for fault in faults):
         where, labels, _ = named.get(name, ("", (), {}))
-        told.append(f"{where}: {rules.whose(*labels)}: {said}" if labels else fault)
+        told.append(f"{where}: {rules.whose(*labels)}: {said}" if labels else name + colon + said)
     return dict.fromkeys(told)
 
 
