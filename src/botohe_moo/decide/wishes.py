@@ -151,8 +151,9 @@ def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, 
         every robot >= p       survival of each robot
         reach NODE >= p        probability that a robot reaches the node
 
-    A node is written as its label: a word or a number as it is, any other text in quotes, and a
-    tuple as in Python or, as in mission files, as a list. So is the name of a kind.
+    A node is written as its label or its name: a word or a number as it is, any other text in
+    quotes, and a tuple as in Python or, as in mission files, as a list. So is the name of a kind.
+    ``expected`` may stand before a plain ``Q``.
 
     Parameters
     ----------
