@@ -78,9 +78,7 @@ def read_json(text: str | bytes) -> Any:
     except json.JSONDecodeError as error:
         ends = error.msg.startswith("Unterminated") or not error.doc[error.pos :].strip()
         why = "the file is empty or ends too early" if ends else error.msg
-        raise ValueError(
-            f"line {error.lineno}: not valid JSON: {why if ends else error.msg}"
-        ) from None
+        raise ValueError(f"line {error.lineno}: not valid JSON: {why}") from None
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
