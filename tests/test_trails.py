@@ -176,11 +176,7 @@ class TestBatch:
     @pytest.mark.parametrize(
         ("make", "arguments", "message"),
         [
-            (
-                PlanBatch.from_plans,
-                (TrailPlan([A]), 1),
-                "a sequence of TrailPlans, got one",
-            ),
+            (PlanBatch.from_plans, (TrailPlan([A]), 1), "a sequence of TrailPlans, got one"),
             (PlanBatch.from_plans, ([TrailPlan([A]), [A]], 1), "Plan 1: expected a TrailPlan, got"),
             (PlanBatch.from_plans, ([TrailPlan([A])], 2), r"Plan 0: expected 2 trails, got 1\.$"),
             (PlanBatch, ([0], [0, 1], 0), r"Expected n_robots >= 1, got 0\."),

@@ -9,13 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo import TrailPlan, load_mission
-from botohe_moo.decide import (
-    TradeOff,
-    knees,
-    neighbours,
-    representatives,
-    survivor_price,
-)
+from botohe_moo.decide import TradeOff, knees, neighbours, representatives, survivor_price
 from botohe_moo.decide.fronts import arc_counts, distances, front_rows, front_table
 from botohe_moo.trails import PlanBatch
 from tests.decide.made import MISSION, NAMES, PLANS
@@ -136,10 +130,7 @@ def test_bad_objectives(ask):
         ([], "Expected at least one plan, got none"),
         ([[1, 2, 3]], r"objectives of shape \(n, 2\), got \(1, 3\)"),
         ([[1, np.nan]], r"objectives without NaN and infinity, got \[1\.0, nan\] in row 0"),
-        (
-            [[0.0, 2.0], [-7.0, -1.0]],
-            r"least 0, got \[-7\.0, -1\.0\] in row 1; .* -result\.F",
-        ),
+        ([[0.0, 2.0], [-7.0, -1.0]], r"least 0, got \[-7\.0, -1\.0\] in row 1; .* -result\.F"),
     ):
         with pytest.raises(ValueError, match=fault):
             ask(TOY, np.array(front, float) if front else front)

@@ -69,11 +69,7 @@ RECOGNISED = [
     ("0.yaml", {"levels": {"L1": {"vertices": [[0, 0, None]]}}}, "navigation-graph"),
     ("a.building.yaml", {"levels": {"L1": {"vertices": [[0, 0, {}]]}}}, "navigation-graph"),
     ("0.yaml", {"levels": {"L1": {"vertices": [7, [0, 0, {}]]}}}, "building"),
-    (
-        "0.yaml",
-        {"levels": {"L1": {"vertices": [7, [0, 0, {}], [1, 1, {}]]}}},
-        "navigation-graph",
-    ),
+    ("0.yaml", {"levels": {"L1": {"vertices": [7, [0, 0, {}], [1, 1, {}]]}}}, "navigation-graph"),
 ]
 
 
@@ -177,7 +173,7 @@ FORMATS = {
         "features": [
             *(feature("Point", place, id=label) for label, place in PLACED),
             *(feature("LineString", [], startid=tail, endid=head) for tail, head in ENDS),
-        ],
+        ]
     },
     "site.building.yaml": in_levels(
         [[*place, 0, label] for label, place in PLACED], coordinate_system="cartesian_meters"

@@ -86,10 +86,7 @@ def test_rows_are_those_of_an_image_by_hand():
         ((0, 5), {}, r"expected a map that covers \[0.0, 5.0\], but it goes from .* to \[2.0, 2"),
         (None, {}, "Node 'b': expected pos .*, got None"),
         ((1, "x"), {}, "Node 'b': expected pos"),
-        ((1, math.nan), {}, "Node 'b': expected pos"),
-        ((1, 1, 1), {}, "Node 'b': expected pos"),
         ((1, 1), {"values": [1, 2]}, r"a table \(n_rows, n_columns\) of .*, got \[1, 2\]"),
-        ((1, 1), {"values": []}, r"a table \(n_rows, n_columns\) of .*, got \[\]"),
         ((1, 1), {"values": [[1], [2, 3]]}, r"values to be a table .*, got \[\[1\], \[2, 3"),
         ((1, 1), {"values": [[1, -2]]}, "table .* of finite numbers >= 0, got -2.0"),
         ((1, 1), {"values": [[math.inf]]}, r"table .* of finite numbers >= 0, got \[\[inf\]\]"),
@@ -146,7 +143,6 @@ def within(start, end, **zone):
     ("zone", "start", "end", "length"),
     [
         ({"polygon": SQUARE}, (0, 2), (4, 2), 2),
-        ({"polygon": SQUARE}, (0, 2), (2, 2), 1),
         ({"polygon": SQUARE}, (0, 0), (4, 4), math.sqrt(8)),  # through two corners
         ({"polygon": SQUARE}, (1.5, 2), (2, 2), 0.5),
         ({"polygon": SQUARE}, (0, 0), (4, 0), 0),
@@ -161,7 +157,6 @@ def within(start, end, **zone):
         ({"circle": [2, 2, 1]}, (2.1, 2), (2.6, 2), 0.5),
         ({"circle": [2, 2, 1]}, (0, 2.6), (4, 2.6), 1.6),
         ({"circle": [2, 2, 1]}, (0, 0), (4, 0), 0),
-        ({"circle": [2, 2, 1]}, (2, 2), (2, 2), 0),
     ],
 )
 def test_zones_by_hand(zone, start, end, length):
@@ -204,11 +199,11 @@ def test_circles_are_polygons_of_many_corners(circle, ends):
     assert found == pytest.approx(in_convex(corners, start, end), abs=0.02)
 
 
-@pytest.mark.parametrize("zone", [{"circle": [2, 2, 1]}, {"polygon": SQUARE}])
-def test_a_lift_is_in_a_zone_or_not(zone):
+def test_a_lift_is_in_a_zone_or_not():
     """Its line is a point on the map; what it is long is an attribute."""
-    share = read_zone({"rate": 1, **zone}).share
-    assert [share(*np.array([place, place])) for place in ([2.5, 2.5], [3.5, 2.5])] == [1, 0]
+    for zone in ({"circle": [2, 2, 1]}, {"polygon": SQUARE}):
+        share = read_zone({"rate": 1, **zone}).share
+        assert [share(*np.array([place, place])) for place in ([2.5, 2.5], [3.5, 2.5])] == [1, 0]
 
 
 def test_rates_add_up():
@@ -221,19 +216,13 @@ def test_rates_add_up():
     ("zone", "fault"),
     [
         (7, r"zones\[0\]: expected an object with rate, and circle or polygon, got 7"),
-        ({"rate": 1}, "expected an object with rate, and circle or polygon"),
         ({"rate": 1, "circle": [0, 0, 1], "polygon": SQUARE}, "circle or polygon"),
-        ({"circle": [0, 0, 1]}, "expected a rate >= 0, got None"),
         ({"circle": [0, 0, 1], "rate": -1}, "expected a rate >= 0, got -1"),
         ({"circle": [0, 0, 1], "rate": math.inf}, "expected a rate >= 0, got inf"),
         ({"circle": [0, 0], "rate": 1}, r"expected a circle \[x, y, radius\], radius > 0, got"),
-        ({"circle": [0, 0, math.nan], "rate": 1}, "expected a circle"),
         ({"circle": "wide", "rate": 1}, "expected a circle"),
         ({"polygon": SQUARE[:2], "rate": 1}, "expected a polygon of at least three corners"),
-        ({"polygon": 7, "rate": 1}, "expected a polygon of at least three corners"),
-        ({"polygon": [], "rate": 1}, "expected a polygon of at least three corners"),
         ({"polygon": [SQUARE, [[0, 0]]], "rate": 1}, "expected a polygon of at least three"),
-        ({"polygon": [[1], [2], [3]], "rate": 1}, "expected a polygon of at least three"),
         ({"polygon": [[0, 0], [1, "x"], [1, 1]], "rate": 1}, "expected a polygon"),
     ],
 )

@@ -184,10 +184,7 @@ REFUSED = [
         (rover(aboard=aboard), f"kind 'rover': aboard {aboard[-1]!r}: expected a node that pays on")
         for aboard in (["lab", "lab"], ["roof"], ["dock"])
     ),
-    (
-        rover(aboard=["labs"]),
-        "kind 'rover': aboard 'labs': no such node; most alike are lab",
-    ),
+    (rover(aboard=["labs"]), "kind 'rover': aboard 'labs': no such node; most alike are lab"),
     (team(robots=4), "expected robots to be 3, the robots of all kinds together, or none, got 4"),
     (
         unjoined(),
@@ -213,10 +210,7 @@ REFUSED = [
     ),
     (team(graph={"base": None}), "expected base, the label of a node, found none: give base"),
     (plain(graph={"base": "deck"}), "base 'deck': no such node; most alike are dock, "),
-    (
-        plain(graph={"base": ["dock"]}),
-        "base ['dock']: no such node; most alike are dock, ",
-    ),
+    (plain(graph={"base": ["dock"]}), "base ['dock']: no such node; most alike are dock, "),
     (
         wild(),
         "expected robots to be an integer >= 1, got 0",
