@@ -60,19 +60,15 @@ class TestConstruction:
         assert (mission.base, mission.robots, mission.name) == ("dock", 1, "given")
         assert type(mission.robots) is int
 
-    @pytest.mark.parametrize(
-        ("ends", "is_plain"),
-        [
+    def test_robots_of_a_plain_mission_start_and_end_at_the_base(self):
+        for ends, is_plain in (
             ({}, True),
             ({"start": "dock", "end": "dock"}, True),
             ({"start": "reef", "end": "reef"}, False),
             ({"start": "reef"}, False),
-        ],
-    )
-    def test_robots_of_a_plain_mission_start_and_end_at_the_base(self, ends, is_plain):
-        mission = Mission(harbour(), base="dock", kinds=[Kind("robot", 2, **ends)])
-        assert mission.is_plain == is_plain
-        assert mission.with_robots(3).is_plain == is_plain
+        ):
+            mission = Mission(harbour(), base="dock", kinds=[Kind("robot", 2, **ends)])
+            assert mission.is_plain == mission.with_robots(3).is_plain == is_plain
 
 
 class TestFrozen:
@@ -111,9 +107,8 @@ class TestFrozen:
                 frozen.graph.add_edge("dock", "new")
             with pytest.raises(AttributeError):
                 frozen.world.graph = None
-            assert not any(
-                array.flags.writeable for array in (frozen.rewards, frozen.world.ways.home)
-            )
+            for array in (frozen.rewards, frozen.world.ways.home):
+                assert not array.flags.writeable
 
 
 class TestEquality:
@@ -172,9 +167,8 @@ class TestLengths:
         """Not back at base; a missing arc; not from base; a missing arc after the first one."""
         lengths = {(0, 1, 2): 3.5, (0, 2, 0): 0, (1, 2, 0): 0, (0, 1, 0, 1, 2, 0): 1}
         for trail, length in lengths.items():
-            assert Mission(ring()).trail_lengths([TrailPlan([trail] * 2)]).tolist() == [
-                [length] * 2
-            ]
+            found = Mission(ring()).trail_lengths([TrailPlan([trail] * 2)])
+            assert found.tolist() == [[length] * 2]
 
     def test_from_positions(self):
         graph = ring((None, 9, None), max_length=3, title="Ring")
@@ -248,10 +242,10 @@ class TestPlans:
 
     def test_lists_stand_for_tuples(self):
         dock, reef = ("dock", 1), ("reef", (2, 3))
-        nodes = {dock: {"reward": 1}, reef: {"reward": 1}}
-        mission = Mission(
-            graph_of(nodes, [(dock, reef), (reef, dock)], survival=0.5), base=dock, robots=1
-        )
+        graph = nx.DiGraph([(dock, reef), (reef, dock)], base=dock, robots=1)
+        nx.set_node_attributes(graph, 1, "reward")
+        nx.set_edge_attributes(graph, 0.5, "survival")
+        mission = Mission(graph)
         trail = [["dock", 1], ["reef", [2, 3]], ["dock", 1]]
         assert mission.labels(mission.plan([trail])) == ((dock, reef, dock),)
         with pytest.raises(PlanError, match=r"position 0: mission .* has no node \['cape', 1\]"):
@@ -263,22 +257,15 @@ class TestPlans:
             ([["dock"]], "Plan 0: expected 2 trails, got 1. Mission 'harbour' has 2 robots."),
             ([["dock"], []], "Robot 1: expected a sequence of node labels, got []"),
             ([["dock"], ["dock", "deck", "dock"]], "Robot 1, position 1: mission 'harbour' has"),
-            (
-                [["reef", "dock"], ["dock"]],
-                "Robot 0, position 0: expected the trail to begin at base 'dock'",
-            ),
-            (
-                [["dock"], ["dock", "reef"]],
-                "Robot 1, position 1: expected the trail to end at base 'dock', got",
-            ),
+            ([["reef", "dock"], ["dock"]], "0: expected the trail to begin at base 'dock'"),
+            ([["dock"], ["dock", "reef"]], "1: expected the trail to end at base 'dock', got"),
             (
                 [["dock", ("buoy", 2), "dock"], ["dock"]],
                 "Robot 0, position 2: arc ('buoy', 2) -> 'dock' is missing in mission 'harbour'.",
             ),
             (
                 [["dock"], ["dock", "reef", "dock", "reef", "dock"]],
-                "Robot 1, position 3: arc 'dock' -> 'reef' is used twice in this trail; a trail "
-                "uses an arc at most once, in mission 'harbour'.",
+                "Robot 1, position 3: arc 'dock' -> 'reef' is used twice in this trail",
             ),
         ],
     )
@@ -286,32 +273,24 @@ class TestPlans:
         with pytest.raises(PlanError, match=re.escape(message)):
             mission.plan(trails)
 
-    @pytest.mark.parametrize(
-        ("trails", "message"),
-        [
+    def test_of_other_missions(self, mission):
+        for trails, message in (
             ([[0, 1, 0], [0, 3, 0]], "Robot 1, position 1: node index 3 is unknown, mission 'ha"),
             ([[0, 2, 0], [0]], "Robot 0, position 2: arc ('buoy', 2) -> 'dock' is missing in"),
             ([[0]] * 3, "Plan 0: expected 2 trails, got 3. Mission 'harbour' has 2 robots."),
-        ],
-    )
-    def test_of_other_missions(self, mission, trails, message):
-        plans = [TrailPlan(trails)]
-        for each in (plans, PlanBatch.from_plans(plans, len(trails))):
-            with pytest.raises(PlanError, match=re.escape(message)):
-                mission.evaluate(each)
+        ):
+            plans = [TrailPlan(trails)]
+            for each in (plans, PlanBatch.from_plans(plans, len(trails))):
+                with pytest.raises(PlanError, match=re.escape(message)):
+                    mission.evaluate(each)
 
     def test_of_other_kinds(self):
         mission = Mission(team_site(), kinds=BOTH, name="site")
-        trails, lab = (
-            [["roof"], ["roof"], ["dock", "lab", "roof", "lab", "dock"]],
-            ["dock", "lab", "dock"],
-        )
+        trails = [["roof"], ["roof"], ["dock", "lab", "roof", "lab", "dock"]]
         with pytest.raises(PlanError, match="arc 'lab' -> 'roof' cannot be taken by kind 'rover'"):
             mission.plan(trails)
-        assert mission.labels(mission.plan([["roof"], ["roof"], lab]))[2] == ("dock", "lab", "dock")
-        with pytest.raises(
-            PlanError, match="trail to begin at node 'roof', got 'roof' of kind 'rover'"
-        ):
+        expected = "trail to begin at node 'roof', got 'roof' of kind 'rover'"
+        with pytest.raises(PlanError, match=expected):
             mission.evaluate([TrailPlan([[5], [2], [3]])])
 
 

@@ -71,12 +71,10 @@ class TestNumbersAndFlags:
         [
             ("reef", "reward", "a finite reward >= 0", [-0.1, math.nan, math.inf, True, "1", None]),
             ("reef", "pos", "pos [x, y], two finite numbers", [[math.nan, 0], [1, 2, 3], "ab", 7]),
-            ("reef", "pos", "pos [x, y], two finite numbers", [[0, "x"], np.zeros(()), [[1], 2]]),
             ("reef", "share", "share in [0, 1]", [-0.1, 1.1, math.nan, "1", True, None]),
             ("reef", "pays", "pays to be 'arrival' or 'return'", ["later", 1, np.zeros(2)]),
             ("reef", "depot", "depot to be true or false", ["yes", 1]),
             ("dock_reef", "survival", "survival in (0, 1]", [0, math.nextafter(1, 2), "0.5"]),
-            ("dock_reef", "survival", "survival in (0, 1]", [np.array([0.5]), math.nan, None]),
             ("dock_reef", "length", "a finite length >= 0", [-0.1, math.inf, "1", None]),
             ("graph", "max_length", "a finite max_length >= 0", [-0.1, math.inf, math.nan, "1"]),
             ("graph", "pays", "pays to be 'arrival' or 'return'", ["home", np.zeros(2)]),
@@ -153,9 +151,7 @@ REFUSED = [
     ),
     (plain(dock_reef={"survival": {}}), f"{ARC}expected survival in [0, 1] of kind 'robot', found"),
     (team([]), "expected at least one kind, got none"),
-    (team("drone"), "expected kinds to be a list of kinds, got 'drone'"),
     (team({"name": "drone"}), "expected kinds to be a list of kinds, got {'name': 'drone'}"),
-    (team(DRONE), "expected kinds to be a list of kinds, got Kind(name='drone'"),
     (
         team([DRONE, 7, {"name": "rover", "robot": 1}]),
         "kinds[1]: expected a Kind, or an object, got 7",
@@ -169,7 +165,7 @@ REFUSED = [
             rover(robots=n),
             f"kind 'rover': expected robots to be an integer in [1, 1000000], got {n!r}",
         )
-        for n in (0, "3", math.nan, 1_000_001)
+        for n in (0, math.nan, 1_000_001)
     ),
     (
         rover(start="dok", end=["dock"], min_survival=1.5, max_length=-1),
@@ -178,23 +174,16 @@ REFUSED = [
         "kind 'rover': start 'dok': no such node; most alike are dock, roof, lab",
         "kind 'rover': end ['dock']: no such node; most alike are dock, roof, lab",
     ),
-    (rover(min_survival="0.5"), "kind 'rover': expected min_survival in [0, 1], got '0.5'"),
     (rover(aboard="lab"), "kind 'rover': expected aboard to be a list of nodes, got 'lab'"),
     *(
         (rover(aboard=aboard), f"kind 'rover': aboard {aboard[-1]!r}: expected a node that pays on")
         for aboard in (["lab", "lab"], ["roof"], ["dock"])
     ),
     (rover(aboard=["labs"]), "kind 'rover': aboard 'labs': no such node; most alike are lab"),
-    (team(robots=4), "expected robots to be 3, the robots of all kinds together, or none, got 4"),
     (
         unjoined(),
         "node 'wreck': has no way back to base 'd",
         "node 'isle': cannot be reached from b",
-    ),
-    (
-        unjoined(Kind("a", 1)),
-        "node 'wreck': has no way back to b",
-        "node 'isle': cannot be reached",
     ),
     (rover(start="roof"), "robots of kind 'rover' have no way from 'roof' to 'dock'"),
     (
@@ -226,7 +215,6 @@ REFUSED = [
         (nx.Graph([(0, 1)]), {}),
         "expected an nx.DiGraph, got an nx.Graph; graph.to_directed() makes",
     ),
-    ((nx.MultiDiGraph([(0, 1)]), {}), "expected an nx.DiGraph, got an nx.MultiDiGraph"),
     (({0: [1]}, {"base": 0, "robots": 1}), "expected an nx.DiGraph, got {0: [1]}"),
 ]
 
@@ -260,7 +248,7 @@ class TestKinds:
         assert Mission(team_site(), kinds=BOTH, robots=3).kinds == BOTH
         graph = harbour(graph={"kinds": [{"name": "drone", "robots": 2}], "robots": 3})
         assert Mission(graph, robots=5).kinds == (Kind("drone", 5),)
-        (fault,) = faults_of(graph)
+        [fault] = faults_of(graph)
         assert fault.startswith(
             "expected robots to be 2, the robots of all kinds together, or none"
         )
@@ -274,36 +262,30 @@ class TestKinds:
 
     def test_labels_that_are_unequal_in_strange_ways(self):
         base, other = np.int64(1), (np.int8(3), "x")  # numpy compares these element by element
-        graph = graph_of(
-            {base: {"reward": 1}, other: {"reward": 1}}, [(base, other), (other, base)], survival=1
-        )
+        graph = nx.DiGraph([(base, other), (other, base)])
+        nx.set_node_attributes(graph, 1, "reward")
+        nx.set_edge_attributes(graph, 1, "survival")
         assert Mission(graph, base=base, kinds=[Kind("drone", 1, start=other)]).robots == 1
 
     @pytest.mark.filterwarnings("error")
-    @pytest.mark.parametrize(
-        ("changes", "pays", "lost"),
-        [
+    def test_may_be_unable_to_collect_a_reward_which_is_told(self):
+        # Drones, the only ones that get to the roof, pass no depot.
+        alone = {"lab_dock": {"survival": {"drone": 0, "rover": 0.9}}}
+        for changes, pays, lost in (
             ({"lab": {"share": {"drone": 0, "rover": 0}}}, "arrival", "lab"),
-            # Drones, the only ones that get to the roof, pass no depot.
-            ({"lab_dock": {"survival": {"drone": 0, "rover": 0.9}}}, "return", "roof"),
-        ],
-    )
-    def test_may_be_unable_to_collect_a_reward_which_is_told(self, changes, pays, lost):
-        with pytest.warns(UserWarning, match=rf"no kind of robots can collect .* of '{lost}'\.$"):
-            Mission(team_site(**changes), kinds=BOTH, pays=pays)
-        if pays == "return":
-            Mission(team_site(**changes, roof={"depot": True}), kinds=BOTH, pays=pays)
+            (alone, "return", "roof"),
+        ):
+            said = rf"no kind of robots can collect .* of '{lost}'\.$"
+            with pytest.warns(UserWarning, match=said):
+                Mission(team_site(**changes), kinds=BOTH, pays=pays)
+        Mission(team_site(**alone, roof={"depot": True}), kinds=BOTH, pays="return")
 
 
-def test_errors_show_a_hundred_faults_and_can_be_pickled():
+def test_errors_list_all_faults_and_can_be_pickled():
     graph, given = wild()
     with pytest.raises(MissionError) as caught:
         Mission(graph, **given)
     error = caught.value
     assert str(error) == "\n  - ".join(["Mission 'wild' has 8 faults:", *error.faults])
     twin = pickle.loads(pickle.dumps(error))
-    assert (twin.faults, str(twin)) == (error.faults, str(error))
-    error = MissionError([f"fault {i}" for i in range(102)], "x.json")
-    assert len(error.faults) == 102
-    assert str(error).splitlines()[-2:] == ["  - fault 99", "  - and 2 more"]
-    assert str(MissionError("alone", "x.json")) == "x.json: alone"
+    assert (type(twin), twin.faults, str(twin)) == (MissionError, error.faults, str(error))
