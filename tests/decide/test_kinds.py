@@ -8,8 +8,6 @@ collect what is in the cellar with a share of 1/2. All ways back are safe:
     cellar   6        0.25, by the dock     0.75
 """
 
-import csv
-import io
 import json
 from itertools import combinations
 
@@ -20,36 +18,28 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Kind, Mission, read_solution, worst_case
+from botohe_moo import decide as d
 from botohe_moo.cli.plans import trails_text
-from botohe_moo.decide import (
-    choose,
-    compare,
-    parse_wishes,
-    plan_csv,
-    plan_geojson,
-    plan_json,
-    robot_table,
-    robustness,
-)
+from botohe_moo.decide import choose, compare, parse_wishes, robustness
 from tests import twins
 from tests.decide.made import MISSION, Chance, Expected, Reach, TailMean, solution_of
 from tests.strategies import team_missions_with_plans
 
 
 def house(rover="rover"):
-    graph = nx.DiGraph(pays="return")
+    graph = nx.DiGraph(pays="return", base="dock")
     for i, (node, reward) in enumerate({"dock": 0, "roof": 0, "attic": 4, "cellar": 6}.items()):
         graph.add_node(node, reward=reward, depot=node == "roof", pos=[i, 0])
     graph.nodes["cellar"]["share"] = {"drone": 0.5}
-    for tail, head, drone, by_rover in [
+    for tail, head, drone, by_rover in (
         ("roof", "attic", 0.5, 0),
         ("roof", "dock", 1, 0),
         ("dock", "cellar", 0.25, 0.75),
-    ]:
+    ):
         graph.add_edge(tail, head, survival={"drone": drone, rover: by_rover})
         graph.add_edge(head, tail, survival={"drone": 1, rover: float(by_rover > 0)})
     kinds = [Kind("drone", 2, start="roof", end="roof"), Kind(rover, 1)]
-    return Mission(graph, base="dock", kinds=kinds, name="house")
+    return Mission(graph, kinds=kinds, name="house")
 
 
 HOUSE = house()
@@ -82,25 +72,22 @@ def test_survivors_of_a_kind():
 
 
 def test_wishes_of_a_kind_are_written_and_read():
-    mission = house(rover="lake boat")
-    made = [
-        Expected(quantity="survivors", at_least=1, kind="drone"),
-        Chance(quantity="survivors", value=1, at_least=0.5, kind="lake boat"),
-        TailMean(quantity="survivors", alpha=0.5, at_least=1, kind="lake boat"),
-    ]
-    texts = [
-        "drone survivors >= 1",
-        'P("lake boat" survivors >= 1) >= 0.5',
-        'CVaR("lake boat" survivors, 0.5) >= 1',
-    ]
-    assert list(map(str, made)) == texts
-    assert parse_wishes(mission, [" and ".join(texts)]) == tuple(made)
+    made = {
+        "drone survivors >= 1": Expected(quantity="survivors", at_least=1, kind="drone"),
+        'P("lake boat" survivors >= 1) >= 0.5': Chance(
+            quantity="survivors", value=1, at_least=0.5, kind="lake boat"
+        ),
+        'CVaR("lake boat" survivors, 0.5) >= 1': TailMean(
+            quantity="survivors", alpha=0.5, at_least=1, kind="lake boat"
+        ),
+    }
+    assert [*map(str, made.values())] == list(made)
+    assert parse_wishes(house(rover="lake boat"), [" and ".join(made)]) == tuple(made.values())
 
 
 def test_a_node_named_survivors():
-    graph = nx.DiGraph(base="survivors", robots=1)
-    graph.add_node("survivors", reward=1)
-    [wish] = parse_wishes(Mission(graph), ["reach survivors >= 0.5"])
+    mission = Mission(nx.relabel_nodes(HOUSE.graph, {"attic": "survivors"}), kinds=HOUSE.kinds)
+    [wish] = parse_wishes(mission, ["reach survivors >= 0.5"])
     assert wish == Reach(node="survivors", at_least=0.5)
 
 
@@ -124,10 +111,6 @@ def test_robots_are_compared_within_their_kind():
         "The second plan has 4.5 less reward and 0.25 more survivors.",
         "Robot 2 (robot 2 in the second plan): survival 0.75 -> 1; no longer visits cellar.",
     )
-    assert compare(HOUSE, GROUND, BOTH).sentences[-2:] == (
-        "Robot 0 (robot 0 in the second plan): survival 1 -> 0.25; also visits dock, cellar.",
-        "Robot 1 (robot 1 in the second plan): survival 1 -> 0.5; also visits attic.",
-    )
     table = compare(HOUSE, BOTH, ATTIC).table
     assert table["other_robot"].tolist() == [1, 0, 2]
     assert table["kind"].tolist() == ["drone", "drone", "rover"]
@@ -139,11 +122,6 @@ def test_matched_robots_are_of_one_kind(drawn):
     assert str(compare(mission, plan, plan)) == "The plans are the same."
     for change in compare(mission, plan, mission.stay_home()).table.itertuples():
         assert mission.kind_of[change.robot] == mission.kind_of[change.other_robot]
-
-
-def test_losses_before_the_start():
-    # Without the rover BOTH keeps 4 x 0.5 + 6 x 0.125; with the rover alone it would be 4.5.
-    assert worst_case(HOUSE, PLANS, 1).tolist() == [2, 0, 2.75]
 
 
 @given(team_missions_with_plans(), st.data())
@@ -181,27 +159,22 @@ def test_an_arc_is_as_wrong_for_all_kinds():
     assert table["survivors_low"][0] < 1.9
 
 
-def test_robots_of_a_plan():
-    table = robot_table(HOUSE, BOTH)
-    assert table.to_dict("list") == {
+def test_plans_as_files():
+    assert d.robot_table(HOUSE, BOTH).to_dict("list") == {
         "robot": [0, 1, 2],
         "kind": ["drone", "drone", "rover"],
         "survival": [0.25, 0.5, 0.75],
         "length": [4, 2, 2],
         "reward": [0.75, 2, 4.5],
     }
-
-
-def test_plans_as_files(tmp_path):
-    content = json.loads(plan_json(HOUSE, BOTH))
+    content = json.loads(d.plan_json(HOUSE, BOTH))
     assert content["robot_kinds"] == ["drone", "drone", "rover"]
     assert content["robot_rewards"] == [0.75, 2, 4.5]
     assert HOUSE.plan(content["trails"]) == BOTH
-    rows = list(csv.DictReader(io.StringIO(plan_csv(HOUSE, ATTIC))))
-    assert list(rows[0]) == ["robot", "kind", "step", "node", "x", "y"]
-    stops = [(row["node"], row["kind"]) for row in rows[2:5]]
-    assert stops == [("roof", "drone"), ("roof", "drone"), ("dock", "rover")]
-    shapes = [shape["properties"] for shape in json.loads(plan_geojson(HOUSE, BOTH))["features"]]
+    rows = d.plan_csv(HOUSE, ATTIC).splitlines()
+    assert rows[0] == "robot,kind,step,node,x,y"
+    assert [row[:14] for row in rows[3:6]] == ["0,drone,2,roof", "1,drone,0,roof", "2,rover,0,dock"]
+    shapes = [shape["properties"] for shape in json.loads(d.plan_geojson(HOUSE, BOTH))["features"]]
     own = {"robot": 1, "survival": 0.5, "kind": "drone", "length": 2, "reward": 2}
     assert shapes[1] == {**own, "nodes": ["roof", "attic", "roof"]}
     assert shapes[-1] == {"node": "cellar", "reward": 6, "reached": 0.8125, "collected": 0.78125}
