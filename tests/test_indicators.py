@@ -69,12 +69,7 @@ class TestByHand:
             ("a", (1,), "a", "two objectives or more"),
             ("ab", (1, 2, 3), "ab", "two objectives or more"),
             ("aa", (1, 1), "ab", "different names of objectives"),
-            (
-                "ab",
-                (1, math.inf),
-                "ab",
-                "bound of an objective to be a finite number >= 0, got inf",
-            ),
+            ("ab", (1, math.inf), "ab", "to be a finite number >= 0, got inf"),
             ("ab", (-1, 1), "ab", r"got -1"),
             *(
                 ("ab", (1, 1), ("reward", column), rf"columns of objectives .* got {column!r}")
@@ -118,8 +113,7 @@ class TestProperties:
         area = area_indicator(objectives, mission)
         assert 0.0 <= area <= 1.0
         if mission.total_reward > 0:
-            expected = staircase(objectives.tolist(), mission)
-            assert area == pytest.approx(expected, rel=0, abs=1e-12)
+            assert area == pytest.approx(staircase(objectives.tolist(), mission), rel=0, abs=1e-12)
 
     def test_safe_missions_give_everything_and_not_a_bit_more(self):
         # Rewards that are summed in another order than the expected reward.
@@ -150,16 +144,13 @@ class TestDistancesByHand:
             # Ahead of all the reference: nothing lacks, and something may be taken away.
             ([(9, 2)], [(5, 1)], 0.0, -0.4),
         ):
-            found = igd_plus_indicator(points, reference, quay())
-            assert found == pytest.approx(igd_plus, abs=1e-15)
-            found = epsilon_indicator(points, reference, quay())
-            assert found == pytest.approx(epsilon, abs=1e-15)
+            found = [f(points, reference, quay()) for f in (igd_plus_indicator, epsilon_indicator)]
+            assert found == pytest.approx([igd_plus, epsilon], abs=1e-15)
 
     def test_no_plans_are_scored_as_the_one_that_brings_nothing_back(self):
         reference = [(6, 1.6), (2, 2)]
-        assert igd_plus_indicator([], reference, quay()) == pytest.approx(
-            (1.0 + math.hypot(0.2, 1)) / 2
-        )
+        expected = (1.0 + math.hypot(0.2, 1)) / 2
+        assert igd_plus_indicator([], reference, quay()) == pytest.approx(expected)
         assert epsilon_indicator([], reference, quay()) == 1.0
         assert epsilon_indicator([], [(0, 0)], quay()) == 0.0
 
