@@ -123,8 +123,9 @@ def changed_json(draw, data):
 
 
 def changed(data, *, is_json=False, value=VALUE):
-    found = changed_bytes(data, value)
-    return found | changed_json(data) if is_json else found
+    return (
+        changed_bytes(data, value) | changed_json(data) if is_json else changed_bytes(data, value)
+    )
 
 
 def check_message(error, named):
@@ -140,23 +141,16 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("damaged")
 
 
-SITE = {
-    "features": [
-        *(
-            {"properties": {"id": i, "frame": "map", "metadata": {"reward": i}},
-             "geometry": {"type": "Point", "coordinates": [i, i % 2]}}
-            for i in range(3)
-        ),
-        *(
-            {"properties": {"id": 10, "startid": i, "endid": j, "metadata": {"survival": 0.5}},
-             "geometry": {"type": "LineString", "coordinates": [[0, 1], [1, 0]]}}
-            for i, j in ((0, 1), (1, 2), (2, 0), (2, 1))
-        ),
-    ],
-    "mission": {"base": 0, "robots": 2},
-}  # fmt: skip
+def feature(shape, at, **properties):
+    return {"properties": properties, "geometry": {"type": shape, "coordinates": at}}
 
 
+POINTS = [feature("Point", [i, 1], id=i, frame="map", metadata={"reward": i}) for i in range(3)]
+LINES = [
+    feature("LineString", [[0, 1]], id=10, startid=i, endid=j, metadata={"survival": 0.5})
+    for i, j in ((0, 1), (1, 2), (2, 0), (2, 1))
+]
+SITE = {"features": [*POINTS, *LINES], "mission": {"base": 0, "robots": 2}}
 FORMS = {  # of missions: a suffix, and a file
     "json": (DATA / "pier.json").read_bytes(),
     "graphml": (DATA / "gephi.graphml").read_bytes(),
@@ -254,46 +248,42 @@ def test_a_solution(folder, solved, draw):
         read.choose("survivors >= 1")
 
 
+TOY = load_mission("toy")
+
+
 @pytest.fixture(scope="module")
 def bound(tmp_path_factory):
-    toy = load_mission("toy")
     path = tmp_path_factory.mktemp("bound") / "bound.json"
-    bound_front(toy, time_limit=1).save(path)
-    return toy, path.read_bytes()
+    bound_front(TOY, time_limit=1).save(path)
+    return path.read_bytes()
 
 
 @examples(200)
 @given(draw=st.data())
 def test_a_bound(folder, bound, draw):
-    toy, data = bound
     path = folder / "bound.json"
-    path.write_bytes(draw.draw(changed(data, is_json=True)))
+    path.write_bytes(draw.draw(changed(bound, is_json=True)))
     try:
         with WATCH.over():
-            read = FrontBound.load(path, toy)
+            read = FrontBound.load(path, TOY)
     except (ValueError, OSError) as error:
         check_message(error, path)
     else:
         assert 0 <= read.area <= 1
 
 
-def best_known_of_toy():
-    toy = load_mission("toy")
-    plans = [toy.plan([trail, [1]]) for trail in ([1, 3, 2, 4, 2, 3, 1], [1, 3, 1], [1])]
-    return BestKnown(toy).merged(plans, Finder("2026-11-27", "Ada", "by hand"))
-
-
 @examples(200)
 @given(draw=st.data(), packed=st.booleans())
 def test_a_best_known_front(folder, draw, packed):
-    known = best_known_of_toy()
+    plans = [TOY.plan([trail, [1]]) for trail in ([1, 3, 2, 4, 2, 3, 1], [1, 3, 1], [1])]
+    known = BestKnown(TOY).merged(plans, Finder("2026-11-27", "Ada", "by hand"))
     data = draw.draw(changed(known.to_bytes(), is_json=True))
     path = folder / ("toy.front.json.gz" if packed else "toy.front.json")
     whole = gzip.compress(data, mtime=0)
     path.write_bytes(draw.draw(changed(whole) | st.just(whole)) if packed else data)
     try:
         with WATCH.over():
-            read = BestKnown.read(path, known.mission)
+            read = BestKnown.read(path, TOY)
     except ValueError as error:
         check_message(error, path)
         return

@@ -1,5 +1,6 @@
 """The library: its missions, its files, and what is handed in."""
 
+import itertools
 import json
 
 import numpy as np
@@ -53,10 +54,9 @@ class TestMissions:
             assert library_name_of(numbers_digest(mission)) == name
             n_nodes = len(mission.nodes)
             assert name.split("-")[1] == str(n_nodes)
-            limit = {"small": 40, "medium": 100, "large": 1000}[entry.size]
-            assert n_nodes <= limit
-        assert min(len(load_mission(f"library:{name}").nodes) for name in ENTRIES) == 10
+            assert 10 <= n_nodes <= {"small": 40, "medium": 100, "large": 1000}[entry.size]
         assert len({entry.digest for entry in ENTRIES.values()}) == len(ENTRIES)
+        assert library_name_of(numbers_digest(load_mission(f"library:{SMALL}", robots=3))) is None
 
     def test_selections_are_names_of_several(self):
         assert library_names() == tuple(ENTRIES)
@@ -82,11 +82,6 @@ class TestMissions:
         with pytest.raises(MissionError, match="expected the digest 0000000000000000, got"):
             load_mission(f"library:{SMALL}")
 
-    def test_another_team_is_another_mission(self):
-        mission = load_mission(f"library:{SMALL}", robots=3)
-        assert mission.robots == 3
-        assert library_name_of(numbers_digest(mission)) is None
-
 
 class TestFiles:
     """Those that come with the package."""
@@ -103,11 +98,6 @@ class TestFiles:
     @pytest.mark.slow
     def test_all_are_right(self):
         assert check_library() == {}
-
-    def test_bounds_say_who_proved_them(self):
-        record = json.loads((FOLDER / f"{SMALL}.bound.json").read_bytes())
-        assert record["version"]
-        assert record["mission_digest"] == ENTRIES[SMALL].digest
 
     def test_the_table_lists_them(self):
         table = library_table("small")
@@ -132,25 +122,20 @@ class TestAdding:
     def test_what_is_worse_everywhere_leaves_the_files(self, library, found):
         before, front = contents(library), best_known(SMALL, folder=library).objectives
         tried = solve(found.mission, "random", evaluations=50, seed=1)
-        behind = [
-            plan
-            for plan, point in zip(tried.plans, tried.objectives, strict=True)
-            if (front > point).all(axis=1).any()
-        ]
+        is_behind = [(front > point).all(axis=1).any() for point in tried.objectives]
+        behind = list(itertools.compress(tried.plans, is_behind))
         assert behind
         add_plans({SMALL: [(found.plans[::2], BOB), (behind, ADA)]}, folder=library)
         assert contents(library) == before
 
     def test_two_additions_in_either_order_give_the_same_files(self, library, found):
-        lists = [(found.plans[1::4], ADA), (found.plans[1::3], BOB)]
-        orders = []
+        lists, folders = [(found.plans[1::4], ADA), (found.plans[1::3], BOB)], []
         for order in (lists, lists[::-1]):
-            folder = library.with_name(f"order-{len(orders)}")
-            folder.mkdir()
+            folders.append(library.with_name(f"order-{len(folders)}"))
+            folders[-1].mkdir()
             for plans in order:
-                add_plans({SMALL: [plans]}, folder=folder)
-            orders.append(contents(folder))
-        assert orders[0] == orders[1]
+                add_plans({SMALL: [plans]}, folder=folders[-1])
+        assert contents(folders[0]) == contents(folders[1])
 
     def test_fronts_of_large_missions_are_compressed(self, tmp_path):
         home = load_mission("library:town-196").stay_home()
@@ -171,29 +156,21 @@ class TestAdding:
 
 
 class TestChecking:
-    def test_what_is_wrong_is_named(self, library):
-        path = library / f"{SMALL}.front.json"
-        before = path.read_bytes()
-        content = json.loads(before)
-        content["plans"][0][0] *= 1.001
-        path.write_text(json.dumps(content))
-        faults = check_library([SMALL], folder=library)
-        assert list(faults) == [SMALL]
-        assert faults[SMALL].startswith(f"{path}: Plan 0: expected the objectives ")
-        content = json.loads(before)
-        content["trails"].append([0])
-        path.write_text(json.dumps(content))
-        said = "expected what `botohe library add` writes"
-        assert said in check_library([SMALL], folder=library)[SMALL]
-
-    def test_a_bound_below_the_front_is_named(self, library):
-        path = library / f"{SMALL}.bound.json"
+    @pytest.mark.parametrize(
+        ("kind", "change", "said"),
+        [
+            ("front", lambda c: c["plans"][0].__setitem__(0, 9.0), "Plan 0: expected the objecti"),
+            ("front", lambda c: c["trails"].append([0]), "expected what `botohe library add` writ"),
+            ("bound", lambda c: [step.__setitem__(1, 1.0) for step in c["steps"]], "has at most"),
+        ],
+    )
+    def test_what_is_wrong_is_named(self, library, kind, change, said):
+        path = library / f"{SMALL}.{kind}.json"
         content = json.loads(path.read_bytes())
-        content["steps"] = [
-            [n, most / 2, least, proof] for n, most, least, proof in content["steps"]
-        ]
+        change(content)
         path.write_text(json.dumps(content))
-        assert "has at most" in check_library([SMALL], folder=library)[SMALL]
+        [(name, fault)] = check_library([SMALL], folder=library).items()
+        assert (name, str(path) in fault, said in fault) == (SMALL, True, True)
 
     @pytest.mark.parametrize("kind", ["front", "bound"])
     def test_a_missing_file_is_named(self, library, kind):
@@ -267,10 +244,8 @@ class TestSelections:
         with pytest.raises(StudyError, match="town-16"):
             labels({"town-16": "toy", "library:town": "library:town"})
 
-    @pytest.mark.parametrize("robots", [None, 3])
-    def test_best_known_fronts_are_of_missions_of_the_library(self, robots):
-        entry = {"mission": f"library:{SMALL}"} if robots else "toy"
-        given = {"mission": entry} if not robots else {"mission": {**entry, "robots": robots}}
-        said = r"^reference: 'mission' is not a mission of the library with its own limits\.$"
+    @pytest.mark.parametrize("mission", ["toy", {"mission": f"library:{SMALL}", "robots": 3}])
+    def test_best_known_fronts_are_of_missions_of_the_library(self, mission):
+        said = r"^reference: 'mine' is not a mission of the library with its own limits\.$"
         with pytest.raises(StudyError, match=said):
-            loaded(given, reference="best-known")
+            loaded({"mine": mission}, reference="best-known")
