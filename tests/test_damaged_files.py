@@ -24,6 +24,7 @@ from botohe_moo.library import BestKnown, Finder
 from botohe_moo.mission import MissionError, read_mission, save_mission
 from botohe_moo.mission.model import mission_digest
 from tests.examples import examples
+from tests.mission.made import feature
 
 pytestmark = pytest.mark.fuzz
 DATA = Path(__file__).parent / "data"
@@ -139,10 +140,6 @@ def check_message(error, named):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("damaged")
-
-
-def feature(shape, at, **properties):
-    return {"properties": properties, "geometry": {"type": shape, "coordinates": at}}
 
 
 POINTS = [feature("Point", [i, 1], id=i, frame="map", metadata={"reward": i}) for i in range(3)]

@@ -58,6 +58,12 @@ def changed(graph, /, **changes):
     return graph
 
 
+def feature(shape, at, **properties):
+    """A feature of GeoJSON."""
+    geometry = {"type": shape, "coordinates": at}
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
+
+
 def faults_of(graph, **given):
     """Return what is wrong with a mission."""
     with pytest.raises(MissionError) as caught:

@@ -7,14 +7,9 @@ import networkx as nx
 import pytest
 
 from botohe_moo import Mission, MissionError, load_mission, save_mission
-from tests.mission.made import loaded_by_nav2
+from tests.mission.made import feature, loaded_by_nav2
 
 POINTS = {3: (0, 0), 4: (3, 4), 7: (3, 0)}
-
-
-def feature(shape, at, **properties):
-    geometry = {"type": shape, "coordinates": at}
-    return {"type": "Feature", "properties": properties, "geometry": geometry}
 
 
 def point(number, place, **properties):
@@ -140,25 +135,17 @@ def test_there_is_not_one_penalty_of_several_kinds(tmp_path):
     assert not any("penalty" in line["metadata"] for line in lines)
 
 
-def polygon(*rings, shape="Polygon", **properties):
-    return feature(shape, rings, **properties)
-
-
 def square(x, y, side=1):
     return [[x, y], [x + side, y], [x + side, y + side], [x, y + side], [x, y]]
 
 
 def test_polygons_with_a_rate_are_zones(site):
     """Along 3 -> 7, of length 3: a unit in a square, and half a unit in each of two others."""
+    halves = [[square(0, -0.25, 0.5)], [square(2.5, -0.5)]]
     path = site(
         *both_ways((3, 7), (3, 4)),
-        polygon(square(1, -0.5), rate=0.1),
-        polygon(
-            [square(0, -0.25, 0.5)],
-            [square(2.5, -0.5)],
-            shape="MultiPolygon",
-            metadata={"rate": 0.2},
-        ),
+        feature("Polygon", [square(1, -0.5)], rate=0.1),
+        feature("MultiPolygon", halves, metadata={"rate": 0.2}),
     )
     mission = load_mission(path, danger=0.01, base=3, robots=1)
     rate = 0.01 * 3 + 0.1 + 0.2 * (0.5 + 0.5)
@@ -168,9 +155,11 @@ def test_polygons_with_a_rate_are_zones(site):
 
 
 def test_a_polygon_that_is_wrong_is_named_by_its_feature(site):
-    path = site(
-        *both_ways((3, 7)), polygon([[0, 0], [1, 1]], rate=0.1), polygon(square(0, 0), rate=-1)
+    bad = (
+        feature("Polygon", [[[0, 0], [1, 1]]], rate=0.1),
+        feature("Polygon", [square(0, 0)], rate=-1),
     )
+    path = site(*both_ways((3, 7)), *bad)
     with pytest.raises(MissionError) as raised:
         load_mission(path, base=3, robots=1, danger=1)
     assert [fault.partition(",")[0] for fault in raised.value.faults] == [
@@ -185,9 +174,8 @@ def test_longitudes_and_latitudes(site, tmp_path):
     crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}
     path = site(*both_ways((3, 4), (3, 7)), points=points, crs=crs)
     given = {"danger": 1e-6, "base": 3, "robots": 1}
-    with pytest.warns(
-        UserWarning, match="Positions count as metres: give geographic=True if the crs is right"
-    ):
+    said = "Positions count as metres: give geographic=True if the crs is right"
+    with pytest.warns(UserWarning, match=said):
         assert load_mission(path, **given).graph.edges[3, 4]["length"] == 1
     mission = load_mission(path, geographic=True, **given)
     arcs = mission.graph.edges
