@@ -74,10 +74,9 @@ def test_rows_are_those_of_an_image_by_hand():
     """A danger in the upper left cell of 2 x 2; lines through the middle of cells."""
     values = [[1, 0], [0, 0]]
     # Along the upper cells: 1 for half a cell, then falling to 0 over a cell.
-    upper = survival_from_raster(one_arc((0, 3), (4, 3)), values, resolution=2, scale=0.1)
-    assert upper["a", "b"] == pytest.approx(math.exp(-0.1 * (1 + 1)))
-    lower = survival_from_raster(one_arc((0, 1), (4, 1)), values, resolution=2, scale=0.1)
-    assert lower["a", "b"] == 1.0
+    for y, survival in ((3, math.exp(-0.1 * (1 + 1))), (1, 1.0)):
+        found = survival_from_raster(one_arc((0, y), (4, y)), values, resolution=2, scale=0.1)
+        assert found["a", "b"] == pytest.approx(survival)
 
 
 @pytest.mark.parametrize(
@@ -113,10 +112,9 @@ def test_what_there_is_to_see_by_hand():
     # The cell between both is at the same distance from them: the reach of both ends at it.
     far = rewards_from_raster(placed((1, 1), (6, 1)), values, resolution=2, radius=2, scale=0.5)
     assert far == {0: 2 * (8 + 1 + 2), 1: 2 * (4 + 0.5)}
-    moved = rewards_from_raster(
-        placed((11, -4), (99, 9)), values, resolution=2, radius=1, origin=(10, -5)
-    )
-    assert moved == {0: 4 * 1, 1: 0.0}
+    moved = placed((11, -4), (99, 9))
+    found = rewards_from_raster(moved, values, resolution=2, radius=1, origin=(10, -5))
+    assert found == {0: 4 * 1, 1: 0.0}
 
 
 @given(
@@ -232,14 +230,16 @@ def test_wrong_zones_are_named(zone, fault):
 
 
 def test_graphs_and_places_are_needed():
+    arc = one_arc((0, 0), (1, 1))
     with pytest.raises(TypeError, match=r"Expected graph to be an nx\.DiGraph, got 7"):
         survival_from_raster(7, [[1]], resolution=1)
-    with pytest.raises(ValueError, match=r"Node 'a': expected pos \(x, y\), got None"):
-        survival_from_zones(nx.DiGraph([("a", "b")]), [])
-    with pytest.raises(ValueError, match="Expected danger >= 0, got -1"):
-        survival_from_zones(one_arc((0, 0), (1, 1)), [], danger=-1)
-    with pytest.raises(ValueError, match="Expected zones to be a list, got 7"):
-        survival_from_zones(one_arc((0, 0), (1, 1)), 7)
+    for graph, zones, options, fault in (
+        (nx.DiGraph([("a", "b")]), [], {}, r"Node 'a': expected pos \(x, y\), got None"),
+        (arc, [], {"danger": -1}, "Expected danger >= 0, got -1"),
+        (arc, 7, {}, "Expected zones to be a list, got 7"),
+    ):
+        with pytest.raises(ValueError, match=fault):
+            survival_from_zones(graph, zones, **options)
 
 
 SMALL = r"expected survival >= 5e-324, so danger \* length <= 744, got 5 \* 200 = 1000\."

@@ -29,9 +29,8 @@ def drawn(tmp_path):
 
     def write(pixels, *, kind=np.uint8, save=(), usual=HAZARD, **keys):
         content = {**usual, **keys}
-        image = (
-            pixels if isinstance(pixels, Image.Image) else Image.fromarray(np.array(pixels, kind))
-        )
+        is_image = isinstance(pixels, Image.Image)
+        image = pixels if is_image else Image.fromarray(np.array(pixels, kind))
         image.save(tmp_path / content["image"], **dict(save))
         path = tmp_path / "map.yaml"
         # A key a line, so that faults are named by their lines.
@@ -80,22 +79,19 @@ def test_shares_are_those_of_the_map_server(drawn, pixels, given, expected):
         assert read_raster(drawn(pixels, **given)).values.tolist() == [expected]
 
 
-@pytest.mark.parametrize("mode", ["Trinary", "scale"])
-@pytest.mark.parametrize(
-    ("keys", "expected"),
-    [
+def test_cells_are_those_of_the_map_server(drawn):
+    """Shares 1, 0.8, 0.6, 0.4, 0.2 and 0, and the grey of map savers."""
+    pixels, names = [[0, 51, 102, 153, 204, 255, GREY]], {FREE: ".", OCCUPIED: "X", UNKNOWN: "?"}
+    for keys, expected in (
         ({}, "XX??..?"),
         ({"occupied_thresh": 0.9}, "X???..?"),
         ({"free_thresh": 0.5}, "XX?...?"),
         ({"free_thresh": 0}, "XX?????"),
         ({"negate": 1}, "..??XXX"),
-    ],
-)
-def test_cells_are_those_of_the_map_server(drawn, mode, keys, expected):
-    """Shares 1, 0.8, 0.6, 0.4, 0.2 and 0, and the grey of map savers."""
-    pixels = [[0, 51, 102, 153, 204, 255, GREY]]
-    [cells] = read_raster(drawn(pixels, mode=mode, **keys), modes=MODES).cells
-    assert "".join({FREE: ".", OCCUPIED: "X", UNKNOWN: "?"}[cell] for cell in cells) == expected
+    ):
+        for mode in ("Trinary", "scale"):
+            [cells] = read_raster(drawn(pixels, mode=mode, **keys), modes=MODES).cells
+            assert "".join(map(names.get, cells)) == expected
 
 
 @pytest.mark.parametrize(
@@ -164,19 +160,16 @@ def test_wrong_values_are_named_by_their_lines(drawn, tmp_path, keys, fault):
         read_raster(path)
 
 
-@pytest.mark.parametrize(
-    ("text", "fault"),
-    [
+def test_files_that_are_no_maps(tmp_path):
+    path = tmp_path / "map.yaml"
+    for text, fault in (
         ("[1, 2]", r"expected the file to be a mapping, got \[1, 2\]"),
-        ("", "expected the file to be a mapping, got None"),
         ("a: [", "not valid YAML"),
         ("{image: a, resolution: 1, origin: [0, 0], mode: raw}", "mode to be trinary or scale"),
-    ],
-)
-def test_files_that_are_no_maps(tmp_path, text, fault):
-    (tmp_path / "map.yaml").write_text(text)
-    with pytest.raises(MissionError, match=rf"map\.yaml: .*{fault}"):
-        read_raster(tmp_path / "map.yaml", modes=MODES)
+    ):
+        path.write_text(text)
+        with pytest.raises(MissionError, match=rf"map\.yaml: .*{fault}"):
+            read_raster(path, modes=MODES)
 
 
 @pytest.mark.fuzz

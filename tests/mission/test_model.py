@@ -87,9 +87,7 @@ class TestFrozen:
         change(graph)
         assert mission == Mission(team_site(), kinds=BOTH)
         for frozen in (mission, pickle.loads(pickle.dumps(mission))):
-            with pytest.raises(
-                TypeError, match=r"cannot be changed: change mission\.graph\.copy()"
-            ):
+            with pytest.raises(TypeError, match=r"cannot be changed: change mission\.graph\.copy"):
                 change(frozen.graph)
             assert nx.node_link_data(frozen.graph, edges="edges") == before
         copied = mission.graph.copy()
@@ -174,16 +172,13 @@ class TestLengths:
         graph = ring((None, 9, None), max_length=3, title="Ring")
         for node, place in enumerate([[0, 0], [3, 4], [3, 0]]):
             graph.nodes[node]["pos"] = place
-        mission = Mission(graph, name="ring")
-        measured = mission.with_lengths_from_pos()
+        measured = Mission(graph, name="ring").with_lengths_from_pos()
         assert measured.world.graph.length.tolist() == [5, 4, 3]
-        assert (measured.name, measured.title, measured.robots) == ("ring", "Ring", 2)
-        assert measured.max_length == 3
-        assert mission.world.graph.length.tolist() == [1, 9, 1]
+        assert (measured.name, measured.title, measured.max_length) == ("ring", "Ring", 3)
         with pytest.raises(MissionError) as caught:
             Mission(ring(), name="ring").with_lengths_from_pos()
-        assert str(caught.value).startswith("Mission 'ring' has 3 faults:")
         assert caught.value.faults[0] == "node 0: expected pos [x, y], found none"
+        assert len(caught.value.faults) == 3
 
 
 def open_ways(mission, kind):
@@ -194,11 +189,6 @@ def open_ways(mission, kind):
         if (alive := by_kind(survival, [kind])[0]) > 0:
             ways.add_edge(tail, head, danger=-math.log(alive))
     return ways
-
-
-def unlimited(mission):
-    """The mission without any limit."""
-    return mission.world.with_limits(new_limits([0.0], [math.inf], [mission.robots]))
 
 
 class TestWays:
@@ -225,9 +215,10 @@ class TestWays:
         nx.add_path(graph, "acb", survival=0.7, length=1)
         nx.add_path(graph, "adb", survival=0.95, length=3)
         mission = Mission(graph, base="b", kinds=[Kind("drone", 1, start="a", max_length=3)])
+        unlimited = mission.world.with_limits(new_limits([0.0], [math.inf], [1]))
         assert mission.labels(mission.stay_home()) == (("a", "b"),)
         assert mission.labels(mission.stay_home(mission.limited(0, 6))) == (("a", "b"),)
-        assert mission.labels(mission.stay_home(unlimited(mission))) == (("a", "d", "b"),)
+        assert mission.labels(mission.stay_home(unlimited)) == (("a", "d", "b"),)
         kept = r"'mission': robots of kind 'drone' cannot keep min_survival 0\.4 and max_length 3\."
         found = r"from 'a' to 'b', .* is survived with 0\.3 and is 1 long; no others are tried\.$"
         with pytest.raises(ValueError, match=f"{kept} .* {found}"):
@@ -251,29 +242,19 @@ class TestPlans:
         with pytest.raises(PlanError, match=r"position 0: mission .* has no node \['cape', 1\]"):
             mission.plan([[["cape", 1]]])
 
-    @pytest.mark.parametrize(
-        ("trails", "message"),
-        [
+    def test_faults(self, mission):
+        to_buoy = ["dock", ("buoy", 2), "dock"]
+        for trails, message in (
             ([["dock"]], "Plan 0: expected 2 trails, got 1. Mission 'harbour' has 2 robots."),
             ([["dock"], []], "Robot 1: expected a sequence of node labels, got []"),
             ([["dock"], ["dock", "deck", "dock"]], "Robot 1, position 1: mission 'harbour' has"),
             ([["reef", "dock"], ["dock"]], "0: expected the trail to begin at base 'dock'"),
             ([["dock"], ["dock", "reef"]], "1: expected the trail to end at base 'dock', got"),
-            (
-                [["dock", ("buoy", 2), "dock"], ["dock"]],
-                "Robot 0, position 2: arc ('buoy', 2) -> 'dock' is missing in mission 'harbour'.",
-            ),
-            (
-                [["dock"], ["dock", "reef", "dock", "reef", "dock"]],
-                "Robot 1, position 3: arc 'dock' -> 'reef' is used twice in this trail",
-            ),
-        ],
-    )
-    def test_faults(self, mission, trails, message):
-        with pytest.raises(PlanError, match=re.escape(message)):
-            mission.plan(trails)
-
-    def test_of_other_missions(self, mission):
+            ([to_buoy, ["dock"]], "0, position 2: arc ('buoy', 2) -> 'dock' is missing in mission"),
+            ([["dock"], ["dock", "reef"] * 2], "1, position 3: arc 'dock' -> 'reef' is used twice"),
+        ):
+            with pytest.raises(PlanError, match=re.escape(message)):
+                mission.plan(trails)
         for trails, message in (
             ([[0, 1, 0], [0, 3, 0]], "Robot 1, position 1: node index 3 is unknown, mission 'ha"),
             ([[0, 2, 0], [0]], "Robot 0, position 2: arc ('buoy', 2) -> 'dock' is missing in"),

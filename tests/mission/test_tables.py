@@ -29,8 +29,8 @@ def test_a_site():
     assert (mission.base, mission.robots, mission.name) == ("dock", 2, "pier")
     assert (mission.title, mission.max_length) == ("The pier", 20)
     assert dict(mission.graph.nodes["reef"]) == {"reward": 5, "pos": [1, 1]}
-    both = {("dock", "reef"): 0.9, ("reef", "cave"): 0.8}
-    both |= {(head, tail): survival for (tail, head), survival in both.items()}
+    there = {("dock", "reef"): 0.9, ("reef", "cave"): 0.8}
+    both = there | {(head, tail): survival for (tail, head), survival in there.items()}
     assert {(u, v): s for u, v, s in mission.graph.edges(data="survival")} == both
     kept = made(arcs=LOOP | {"survival": [0.9, 0.8, 0.7]}).graph.edges  # an arc that has one back
     assert (kept["reef", "dock"], kept["cave", "reef"]) == ({"survival": 0.8}, {"survival": 0.7})
