@@ -118,9 +118,9 @@ def test_small_fronts():
 
 @st.composite
 def fronts(draw, max_plans=6):
-    mission = draw(strategies.missions())
+    mission = draw(strategies.missions() | strategies.team_missions())
     plans = draw(st.lists(strategies.plans(mission), min_size=1, max_size=max_plans))
-    return mission, [mission.plan(plan) for plan in plans]
+    return mission, [TrailPlan(plan) for plan in plans]
 
 
 def wishes_for(mission):
