@@ -88,7 +88,6 @@ class TestPrice:
     def test_by_hand(self):
         # The hull has the edges 1 reward for 1 survivor and 7 for 1; the third plan is below it.
         assert [survivor_price(TOY, BENT, i) for i in range(4)] == pytest.approx([1, 4, 7, 7])
-
         # No plan trades:
         assert survivor_price(TOY, [[3, 1]], 0) == 0
         assert survivor_price(TOY, [[3, 1], [2, 1], [3, 0.5]], 1) == 0
@@ -149,8 +148,9 @@ def test_the_table_tells_the_price():
 
 def plain_distance(first, second):
     """1 - |A & B| / |A | B| of the multisets of arcs, arc by arc."""
-    arcs = ([arc for trail in plan.trails for arc in pairwise(trail)] for plan in (first, second))
-    ours, others = arcs
+    ours, others = (
+        [arc for trail in plan.trails for arc in pairwise(trail)] for plan in (first, second)
+    )
     common = sum(min(ours.count(arc), others.count(arc)) for arc in set(ours))
     union = len(ours) + len(others) - common
     return 1 - common / union if union else 0.0
@@ -178,20 +178,17 @@ FOUR = [PLANS[NAMES.index(name)] for name in ("C", "AC", "AB", "BC")]
 
 
 def test_representatives_by_hand():
-    found = {k: representatives(MISSION, FOUR, k) for k in range(1, 6)}
-    assert found == {
+    assert {k: representatives(MISSION, FOUR, k) for k in range(1, 6)} == {
         1: (1,),  # the sums are 2.33, 1.83, 1.83 and 2: AC and BC, of which AC is first
         2: (2, 3),  # AB AC | BC C; of two the first
         3: (2, 3, 0),  # AB AC | BC | C
         4: (2, 3, 0),  # AB AC | - | BC | C: a part without a plan has none
         5: (2, 1, 3, 0),
     }
-
-
-def test_dominated_plans_represent_nothing():
-    # AA has the reward of AC and fewer survivors; BB has less of both than BC.
-    assert [NAMES[row] for row in representatives(MISSION, PLANS, 3)] == ["AB", "BC", "C"]
-    assert [NAMES[row] for row in representatives(MISSION, PLANS, 9)] == ["AB", "AC", "BC", "C"]
+    # Dominated plans represent nothing: AA has the reward of AC and fewer survivors, and BB has
+    # less of both than BC.
+    for k, names in ((3, "AB BC C"), (9, "AB AC BC C")):
+        assert [NAMES[row] for row in representatives(MISSION, PLANS, k)] == names.split()
 
 
 @given(fronts(), st.integers(1, 4))

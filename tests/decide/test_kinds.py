@@ -125,13 +125,6 @@ def test_plans_as_files():
         "length": [4, 2, 2],
         "reward": [0.75, 2, 4.5],
     }
-    content = json.loads(d.plan_json(HOUSE, BOTH))
-    assert content["robot_kinds"] == ["drone", "drone", "rover"]
-    assert content["robot_rewards"] == [0.75, 2, 4.5]
-    assert HOUSE.plan(content["trails"]) == BOTH
-    rows = d.plan_csv(HOUSE, ATTIC).splitlines()
-    assert rows[0] == "robot,kind,step,node,x,y"
-    assert [row[:14] for row in rows[3:6]] == ["0,drone,2,roof", "1,drone,0,roof", "2,rover,0,dock"]
     shapes = [shape["properties"] for shape in json.loads(d.plan_geojson(HOUSE, BOTH))["features"]]
     own = {"robot": 1, "survival": 0.5, "kind": "drone", "length": 2, "reward": 2}
     assert shapes[1] == {**own, "nodes": ["roof", "attic", "roof"]}

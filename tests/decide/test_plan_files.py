@@ -54,17 +54,18 @@ def test_json():
     }
 
 
-@given(missions_with_plans())
+@pytest.mark.filterwarnings("ignore:.*no kind of robots can collect")
+@given(missions_with_plans() | team_missions_with_plans())
 def test_all_plans_are_read_back_with_equal_objectives(drawn):
     mission, plan = drawn
-    content = json.loads(plan_json(mission, plan))
+    content, kinds = json.loads(plan_json(mission, plan)), [kind.name for kind in mission.kind_of]
     again = mission.plan(content["trails"])
-    assert again.trails == plan.trails
+    assert (again.trails, content["robot_kinds"]) == (plan.trails, kinds)
     assert mission.evaluate([again]).tolist() == [[content["reward"], content["survivors"]]]
     trails = {}
     for row in rows_of(mission, plan):
         trail = trails.setdefault(int(row["robot"]), [])
-        assert int(row["step"]) == len(trail)
+        assert (int(row["step"]), row["kind"]) == (len(trail), kinds[int(row["robot"])])
         trail.append(int(row["node"]))
     assert mission.plan(trails[robot] for robot in range(mission.robots)).trails == plan.trails
 
