@@ -5,11 +5,9 @@ import math
 import re
 from itertools import product
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from PIL import Image
 
 from botohe_moo import MissionError, load_mission, save_mission
 from botohe_moo.base.documents import Document
@@ -324,15 +322,6 @@ def test_dangers_of_a_place_are_those_of_all_levels(building):
     assert arcs["L1/4", "L2/0"]["survival"] == pytest.approx(math.exp(-0.5 * 4.5))
     assert arcs["L2/0", "ward"]["survival"] == pytest.approx(math.exp(-0.5 * 2))
     assert arcs["L1/3", "L1/4"]["survival"] == pytest.approx(math.exp(-0.5 * 0.5))
-    # The east, where x >= 5, is black.
-    values = np.full((20, 20), 255, np.uint8)
-    values[:, 10:] = 0
-    Image.fromarray(values).save(building().with_name("map.png"))
-    hazard = building().with_name("map.yaml")
-    hazard.write_text("{image: map.png, resolution: 1, origin: [-5, -15, 0], mode: scale}")
-    arcs = load_mission(building(), hazard=hazard, **GIVEN).graph.edges
-    assert arcs["L1/4", "L2/0"]["survival"] == pytest.approx(math.exp(-0.01 * 4.5))
-    assert arcs["dock", "L1/3"]["survival"] == 1
 
 
 NAMED = """\
