@@ -63,7 +63,6 @@ class TestValues:
             (int, np.int64(3), 3),
             (int, 10**400, 10**400),
             (float, np.float32(0.5), 0.5),
-            (Share, 5e-324, 5e-324),
             (bool, np.True_, True),
             (int | None, None, None),
             (float | Literal["bounds"], "bounds", "bounds"),
@@ -85,11 +84,9 @@ class TestValues:
             (Few | None, 0, "Expected x in [1, 5], got 0."),
             (Positive | Literal["a"], -1, "Expected x > 0 or 'a', got -1."),
             (parameters.Positive, math.inf, "Expected x to be a finite number > 0, got inf."),
-            (parameters.NotNegative, -5e-324, "Expected x >= 0, got -5e-324."),
             (Annotated[int, Field(multiple_of=3)], 4, "Expected x to be a multiple of 3, got 4."),
             (Rope | str, 3, "Expected x to be an instance of Rope or a text, got 3."),
             (dict[str, list[int]], {"a": ["2"]}, "Expected x['a'][0] to be an integer, got '2'."),
-            (str | Mapping[str, float], {"a": "b"}, "Expected x['a'] to be a number, got 'b'."),
             (Long, "ab", "Expected x to have at least 3 characters, got 'ab'."),
         ],
     )
@@ -124,7 +121,6 @@ class TestNames:
         weights = check_weights("moves", {"a": np.float64(2), "b": 0}, ["a", "b", "c"])
         assert weights == {"a": 2.0, "b": 0.0}
         assert {type(weight) for weight in weights.values()} == {float}
-        assert check_weights("moves", {}, ["a"]) == {}
         for weights, needed, message in (
             ("a", "", "Expected moves to be a mapping, got 'a'."),
             ({"d": 1}, "", "Expected moves among a, b, got 'd'."),
@@ -157,10 +153,8 @@ class TestNames:
         (int, "int", "", True),
         (Few | None, "int | None", "in [1, 5]", True),
         (Share | None, "float | None", "in (0, 1)", True),
-        (Annotated[float, Field(ge=0.5, lt=1)], "float", "in [0.5, 1)", True),
         (Annotated[Few, Field(description="How many.")], "int", "in [1, 5]", True),
         (Mapping[str, Positive] | str, "Mapping[str, float] | str", "", True),
-        (tuple[int, ...], "tuple[int, ...]", "", True),
         (Sequence[Few], "Sequence[int]", "", True),
         (Rope | None, "Rope | None", "", False),
         (Mapping[str, Rope], "Mapping[str, Rope]", "", False),
@@ -188,10 +182,10 @@ def test_all_faults_of_a_file_are_named_with_their_place():
     for line, places in ((None, ("", "zones.0: ")), (len, ("line 1: ", "line 3: "))):
         with pytest.raises(FaultsError, match=r"^site\.yaml has 4 faults") as error:
             validated(content, Site, line, "site.yaml")
-        first, negative, *_ = error.value.faults
+        first, negative, *_, last = error.value.faults
         assert first == f"{places[0]}expected the key 'name', which is missing"
         assert negative == f"{places[1]}expected rate > 0, got -1"
-        assert error.value.faults[-1].endswith("there is no key 'rat'")
+        assert last.endswith("there is no key 'rat'")
 
 
 def climb(*, n: Few = 2, share: "Share", rope: "Rope | None" = None, lost: "Nowhere" = 3, **rest):  # noqa: F821

@@ -93,9 +93,7 @@ quantities = st.sampled_from(["reward", "survivors"])
 wishes = st.one_of(
     st.builds(Expected, quantity=quantities, at_least=levels),
     st.builds(Chance, quantity=quantities, value=levels, at_least=shares),
-    st.builds(
-        TailMean, quantity=quantities, alpha=st.floats(0, 1, exclude_min=True), at_least=levels
-    ),
+    st.builds(TailMean, quantity=quantities, alpha=st.floats(1e-9, 1), at_least=levels),
     st.builds(WorstCase, losses=st.integers(0, 1), at_least=levels),
     st.builds(EveryRobot, at_least=shares),
     st.builds(Reach, node=st.sampled_from(LABELS), at_least=shares),
