@@ -250,11 +250,7 @@ def test_what_is_refused():
         with pytest.raises(ValueError, match=message):
             BOTOHE(TOY, **options)
     for what, values, message in (
-        (
-            "F",
-            np.zeros((2, 3)),
-            r"evaluate_batch of BOTOHE to give F of shape \(2, 2\), got",
-        ),
+        ("F", np.zeros((2, 3)), r"evaluate_batch of BOTOHE to give F of shape \(2, 2\), got"),
         ("F", [[0, 1], [0, np.nan]], r"evaluate_batch of .* finite F, got \[ 0\. nan\]"),
         ("G", np.zeros((2, 1)), r"constrain_batch .* G of shape \(2, 0\) \(columns of its own"),
     ):

@@ -225,9 +225,9 @@ def test_a_file_for_each_robot_that_leaves(tmp_path):
     ]
 
 
-@pytest.mark.parametrize(
-    ("vehicle", "mav_type", "altitude", "height"),
-    [
+def test_vehicles():
+    mission = harbour()
+    for vehicle, mav_type, altitude, height in (
         ("multicopter", 2, 30, 30),
         ("fixed-wing", 1, np.float32(30), 30),
         ("vtol", 20, 30, 30),
@@ -235,15 +235,12 @@ def test_a_file_for_each_robot_that_leaves(tmp_path):
         ("boat", 11, 30, 30),
         ("submarine", 12, -4.5, -4.5),
         ("submarine", 12, 0, 0),
-    ],
-)
-def test_vehicles(tmp_path, vehicle, mav_type, altitude, height):
-    mission, given = harbour(), {"altitude": altitude, "vehicle": vehicle}
-    [path] = write_plan(mission, around(mission), tmp_path / "site.plan", **given)
-    content = json.loads(path.read_text())["mission"]
-    assert content["vehicleType"] == mav_type
-    assert {(item["frame"], item["Altitude"]) for item in content["items"]} == {(3, height)}
-    assert {item["params"][6] for item in content["items"]} == {height}
+    ):
+        [text] = qgc_plans(mission, around(mission), altitude=altitude, vehicle=vehicle).values()
+        content = json.loads(text)["mission"]
+        assert content["vehicleType"] == mav_type
+        assert {(item["frame"], item["Altitude"]) for item in content["items"]} == {(3, height)}
+        assert {item["params"][6] for item in content["items"]} == {height}
 
 
 def test_what_qgroundcontrol_cannot_fly_is_refused(tmp_path):

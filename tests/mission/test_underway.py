@@ -154,14 +154,11 @@ def test_no_budget_is_no_budget():
     assert [kind.max_length for kind in left.kinds] == [None, None]
     assert left.max_length is None
 
-
-def test_robots_keep_their_names():
-    toy = load_mission("toy")
-    plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    # Robots keep their names.
+    assert [kind.name for kind in kinds] == ["robot 0", "robot"]
     first = under_way(toy, plan, [Event("reached", 0, 2)])
     rest = first.mission.after(first.plan, [Event("reached", "robot 0", 4)])
-    assert [kind.name for kind in rest.kinds] == ["robot 0", "robot"]
-    assert rest.kinds[0].start == 4
+    assert ([kind.name for kind in rest.kinds], rest.kinds[0].start) == (["robot 0", "robot"], 4)
 
 
 def test_rewards_by_hand():
