@@ -64,10 +64,10 @@ def feature(shape, at, **properties):
     return {"type": "Feature", "properties": properties, "geometry": geometry}
 
 
-def faults_of(graph, **given):
+def faults_of(*given, make=Mission, **options):
     """Return what is wrong with a mission."""
     with pytest.raises(MissionError) as caught:
-        Mission(graph, **given)
+        make(*given, **options)
     return list(caught.value.faults)
 
 
