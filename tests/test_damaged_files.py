@@ -11,6 +11,7 @@ import json
 import re
 import shutil
 import sys
+import traceback
 from pathlib import Path
 
 import pytest
@@ -59,12 +60,8 @@ class Watch:
     @staticmethod
     def of_numba():
         """Tell whether numba's cache of kernels is being read, which is pickled."""
-        frame = sys._getframe()
-        while frame is not None:
-            if frame.f_globals.get("__name__", "").startswith("numba."):
-                return True
-            frame = frame.f_back
-        return False
+        callers = (frame.f_globals.get("__name__", "") for frame, _ in traceback.walk_stack(None))
+        return any(name.startswith("numba.") for name in callers)
 
     @contextlib.contextmanager
     def over(self):
@@ -124,9 +121,8 @@ def changed_json(draw, data):
 
 
 def changed(data, *, is_json=False, value=VALUE):
-    return (
-        changed_bytes(data, value) | changed_json(data) if is_json else changed_bytes(data, value)
-    )
+    found = changed_bytes(data, value)
+    return found if not is_json else found | changed_json(data)
 
 
 def check_message(error, named):
@@ -135,6 +131,15 @@ def check_message(error, named):
     assert str(named) in str(error)
     assert len(lines) <= 102  # a hundred faults
     assert max(map(len, lines)) < 2000
+
+
+def read_or_refused(read, *args, named, errors=ValueError, **given):
+    """What is read; None if it is refused by its name."""
+    try:
+        with WATCH.over():
+            return read(*args, **given)
+    except errors as error:
+        check_message(error, named)
 
 
 @pytest.fixture(scope="module")
@@ -159,11 +164,8 @@ FORMS = {  # of missions: a suffix, and a file
 def read_and_saved(path, data, **given):
     """Read a changed mission; what can be read can be saved, and comes back."""
     path.write_bytes(data)
-    try:
-        with WATCH.over():
-            mission = read_mission(path, **given)
-    except MissionError as error:
-        check_message(error, path)
+    mission = read_or_refused(read_mission, path, named=path, errors=MissionError, **given)
+    if mission is None:
         return
     saved = path.with_name("saved.json")
     try:
@@ -198,17 +200,11 @@ def test_tables(folder, nodes, arcs):
     for name, data in {"nodes.csv": nodes, "arcs.csv": arcs}.items():
         path = folder / name
         path.write_bytes(data)
-        try:
-            tables.append(read_table(path))
-        except ValueError as error:
-            check_message(error, path)
-            return
-    try:
-        mission = mission_from_tables(*tables, base="dock", robots=2, both_ways=True)
-    except MissionError as error:
-        check_message(error, "")
-    else:
-        assert isinstance(mission, Mission)
+        tables.append(read_or_refused(read_table, path, named=path))
+    if all(table is not None for table in tables):
+        given = {"base": "dock", "robots": 2, "both_ways": True, "errors": MissionError}
+        mission = read_or_refused(mission_from_tables, *tables, named="", **given)
+        assert mission is None or isinstance(mission, Mission)
 
 
 @pytest.fixture(scope="module")
@@ -231,12 +227,8 @@ def test_a_solution(folder, solved, draw):
     place.mkdir()
     for other, whole in files.items():
         (place / other).write_bytes(data if other == name else whole)
-    try:
-        with WATCH.over():
-            read = read_solution(place)
-    except (ValueError, OSError) as error:
-        check_message(error, place)
-    else:
+    read = read_or_refused(read_solution, place, named=place, errors=(ValueError, OSError))
+    if read is not None:
         # A plan that adds no area may be gone.
         assert {*read.plans} <= {*solution.plans}
         assert read.area == pytest.approx(solution.area)
@@ -260,13 +252,8 @@ def bound(tmp_path_factory):
 def test_a_bound(folder, bound, draw):
     path = folder / "bound.json"
     path.write_bytes(draw.draw(changed(bound, is_json=True)))
-    try:
-        with WATCH.over():
-            read = FrontBound.load(path, TOY)
-    except (ValueError, OSError) as error:
-        check_message(error, path)
-    else:
-        assert 0 <= read.area <= 1
+    read = read_or_refused(FrontBound.load, path, TOY, named=path, errors=(ValueError, OSError))
+    assert read is None or 0 <= read.area <= 1
 
 
 @examples(200)
@@ -278,11 +265,8 @@ def test_a_best_known_front(folder, draw, packed):
     path = folder / ("toy.front.json.gz" if packed else "toy.front.json")
     whole = gzip.compress(data, mtime=0)
     path.write_bytes(draw.draw(changed(whole) | st.just(whole)) if packed else data)
-    try:
-        with WATCH.over():
-            read = BestKnown.read(path, TOY)
-    except ValueError as error:
-        check_message(error, path)
+    read = read_or_refused(BestKnown.read, path, TOY, named=path)
+    if read is None:
         return
     try:
         read.check()
