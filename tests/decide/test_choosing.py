@@ -12,7 +12,21 @@ from botohe_moo.decide.choosing import taken
 from botohe_moo.outcomes import plan_outcomes, reach_probabilities, team_reach
 from tests import strategies
 from tests.decide import made
-from tests.decide.made import MISSION, NAMES, PLANS, Chance, EveryRobot, Expected, Reach, TailMean
+from tests.decide.made import (
+    ATTIC,
+    BOTH,
+    GROUND,
+    HOUSE,
+    IN_HOUSE,
+    MISSION,
+    NAMES,
+    PLANS,
+    Chance,
+    EveryRobot,
+    Expected,
+    Reach,
+    TailMean,
+)
 
 # Which plan has the most reward and meets the wishes; see the table in tests/decide/made.py.
 ANSWERS = {
@@ -263,3 +277,18 @@ def test_a_solution_chooses_among_its_plans():
     assert solution.knees() == decide.knees(MISSION, objectives)
     assert solution.survivor_price(3) == decide.survivor_price(MISSION, plans, 3)
     assert solution.representatives(2) == decide.representatives(MISSION, plans, 2)
+
+
+def test_survivors_of_a_kind():
+    answers = {
+        "drone survivors >= 0.75": BOTH,
+        "drone survivors >= 1.5": ATTIC,
+        "P(drone survivors >= 2) >= 0.5": ATTIC,
+        "P( drone survivors >= 1 ) >= 0.6": BOTH,  # 1 - 0.75 x 0.5
+        "CVaR(drone survivors, 0.5) >= 1": ATTIC,
+        '"drone" survivors >= 2 and rover survivors >= 0.75': GROUND,
+    }
+    assert {wish: choose(HOUSE, IN_HOUSE, wish).plan for wish in answers} == answers
+    choice = choose(HOUSE, IN_HOUSE, "drone survivors >= 2.5")
+    assert choice.plan == GROUND
+    assert not choice.met

@@ -8,7 +8,7 @@ from hypothesis import given
 
 from botohe_moo import Mission
 from botohe_moo.decide import compare
-from tests.decide.made import MISSION, star, trips
+from tests.decide.made import ATTIC, BOTH, HOUSE, MISSION, star, trips
 from tests.decide.test_choosing import fronts
 
 
@@ -101,3 +101,15 @@ def test_what_holds_for_all(front):
     possible = [[*m] for m in permutations(robots) if [kinds[j] for j in m] == [*kinds]]
     assert matched in possible
     assert total(matched) == pytest.approx(min(map(total, possible)))
+
+
+def test_robots_are_compared_within_their_kind():
+    # The trail of the first drone has most in common with that of the second one.
+    swapped = HOUSE.plan([["roof"], ["roof", "attic", "roof"], ["dock"]])
+    assert compare(HOUSE, ATTIC, swapped).sentences == (
+        "The second plan has 4.5 less reward and 0.25 more survivors.",
+        "Robot 2 (robot 2 in the second plan): survival 0.75 -> 1; no longer visits cellar.",
+    )
+    table = compare(HOUSE, BOTH, ATTIC).table
+    assert table["other_robot"].tolist() == [1, 0, 2]
+    assert table["kind"].tolist() == ["drone", "drone", "rover"]

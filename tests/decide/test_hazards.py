@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo import Mission
+from botohe_moo import Kind, Mission
 from botohe_moo.decide import hazards, robustness, worst_case
 from tests import twins
 from tests.decide.made import MISSION, NAMES, PLANS, star, trips
@@ -120,3 +120,13 @@ class TestWorstCase:
             worst_case(MISSION, PLANS, 3)
         with pytest.raises(ValueError, match=r"^Expected each of factors > 0, got 0\.$"):
             robustness(MISSION, PLANS, factors=[1, 0])
+
+
+def test_an_arc_is_as_wrong_for_all_kinds():
+    kinds = [Kind("drone", 1), Kind("rover", 1)]
+    mission = Mission(MISSION.graph, base="dock", kinds=kinds)
+    out = ["dock", "b", "dock"]
+    plans = [mission.plan([out, ["dock"]]), mission.plan([["dock"], out])]
+    table = robustness(mission, plans, factors=(), spread=0.5, n_scenarios=3)
+    assert table["survivors_low"].nunique() == 1
+    assert table["survivors_low"][0] < 1.9

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from botohe_moo import Kind, Mission
+from botohe_moo import Kind, Mission, read_solution
+from botohe_moo.cli.plans import trails_text
 from botohe_moo.decide import (
     nav2_files,
     plan_csv,
@@ -22,7 +23,7 @@ from botohe_moo.decide import (
     write_plan,
 )
 from botohe_moo.mission import read_mission
-from tests.decide.made import MISSION, star, trips
+from tests.decide.made import ATTIC, BOTH, HOUSE, IN_HOUSE, MISSION, solution_of, star, trips
 from tests.strategies import missions_with_plans, team_missions_with_plans
 
 LABELS = ["north hall", 7, (1, "x"), 'say "no"', "a,b", "</script>", "漢字", "line\nbreak"]
@@ -295,3 +296,33 @@ def test_files_of_more_robots_are_not_left_beside(tmp_path):
     write_plan(many, around(many, 2), tmp_path / "site.plan", altitude=30)
     with pytest.raises(FileExistsError, match=r"site-1\.plan: a file of another plan"):
         write_plan(many, around(many), tmp_path / "site.plan", altitude=30)
+
+
+def test_kinds_stand_in_tables_and_geojson():
+    assert robot_table(HOUSE, BOTH).to_dict("list") == {
+        "robot": [0, 1, 2],
+        "kind": ["drone", "drone", "rover"],
+        "survival": [0.25, 0.5, 0.75],
+        "length": [4, 2, 2],
+        "reward": [0.75, 2, 4.5],
+    }
+    shapes = [shape["properties"] for shape in json.loads(plan_geojson(HOUSE, BOTH))["features"]]
+    own = {"robot": 1, "survival": 0.5, "kind": "drone", "length": 2, "reward": 2}
+    assert shapes[1] == {**own, "nodes": ["roof", "attic", "roof"]}
+    assert shapes[-1] == {"node": "cellar", "reward": 6, "reached": 0.8125, "collected": 0.78125}
+
+
+def test_a_solution_of_kinds_is_read_back(tmp_path):
+    written = solution_of(HOUSE, IN_HOUSE)
+    (tmp_path / "plans.json").write_text(written.to_json())
+    again = read_solution(tmp_path, mission=HOUSE)
+    assert again.plans == written.plans
+    assert np.array_equal(again.objectives, written.objectives)
+
+
+def test_the_text_of_a_choice_names_kinds():
+    assert trails_text(HOUSE, ATTIC).splitlines() == [
+        "robot 0 (drone, survival 0.500):  roof -> attic -> roof",
+        "robot 1 (drone, survival 1.000):  stays at roof",
+        "robot 2 (rover, survival 0.750):  dock -> cellar -> dock",
+    ]

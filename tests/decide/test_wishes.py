@@ -13,6 +13,7 @@ from botohe_moo import Mission
 from botohe_moo.decide import Wish, parse_wishes
 from botohe_moo.decide.wishes import FORMS
 from tests.decide.made import (
+    HOUSE,
     MISSION,
     Chance,
     EveryRobot,
@@ -20,6 +21,7 @@ from tests.decide.made import (
     Reach,
     TailMean,
     WorstCase,
+    house,
     star,
 )
 
@@ -175,3 +177,36 @@ def test_numbers_and_nodes_are_checked_also_in_wishes_that_are_made():
     ):
         with pytest.raises(ValueError, match=fault):
             parse_wishes(MISSION, [wish])
+
+
+def test_wishes_of_a_kind_are_written_and_read():
+    made = {
+        "drone survivors >= 1": Expected(quantity="survivors", at_least=1, kind="drone"),
+        'P("lake boat" survivors >= 1) >= 0.5': Chance(
+            quantity="survivors", value=1, at_least=0.5, kind="lake boat"
+        ),
+        'CVaR("lake boat" survivors, 0.5) >= 1': TailMean(
+            quantity="survivors", alpha=0.5, at_least=1, kind="lake boat"
+        ),
+    }
+    assert [*map(str, made.values())] == list(made)
+    assert parse_wishes(house(rover="lake boat"), [" and ".join(made)]) == tuple(made.values())
+
+
+def test_a_node_named_survivors():
+    mission = Mission(nx.relabel_nodes(HOUSE.graph, {"attic": "survivors"}), kinds=HOUSE.kinds)
+    [wish] = parse_wishes(mission, ["reach survivors >= 0.5"])
+    assert wish == Reach(node="survivors", at_least=0.5)
+
+
+def test_kinds_that_there_are_not():
+    reward = Expected(quantity="reward", at_least=1, kind="drone")
+    for mission, wish, fault in (
+        (HOUSE, "dron survivors >= 1", "no survivors of kind 'dron'; most alike are drone, rover."),
+        (HOUSE, "P(boat survivors >= 1) >= 0", "no survivors of kind 'boat'; most alike are"),
+        (MISSION, "drone survivors >= 1", "no survivors of kind 'drone'; most alike are robot."),
+        (HOUSE, "drone reward >= 1", "survivors, or survivors of a kind, in place of reward"),
+        (HOUSE, reward, "has no reward of kind 'drone'"),
+    ):
+        with pytest.raises(ValueError, match=fault):
+            parse_wishes(mission, [wish])
