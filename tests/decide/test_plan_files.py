@@ -210,8 +210,7 @@ def test_waypoints_by_hand():
     items = content["mission"]["items"]
     places = [(47.25, 8.75), (47.5, 8.75), (47.25, 8.5)]
     assert [item["params"] for item in items] == [[0, 0, 0, None, *at, 30] for at in places]
-    commands = [(item["command"], item["frame"], item["doJumpId"]) for item in items]
-    assert commands == [(16, 3, 1), (16, 3, 2), (16, 3, 3)]
+    assert [(item["command"], item["doJumpId"]) for item in items] == [(16, 1), (16, 2), (16, 3)]
 
 
 def test_a_file_for_each_robot_that_leaves(tmp_path):
