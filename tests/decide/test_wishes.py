@@ -24,6 +24,7 @@ from tests.decide.made import (
     house,
     star,
 )
+from tests.decide.test_choosing import wishes_for
 
 LABELS = ["north hall", "a", 7, "7", (1, "x"), (1, (2, 3)), "and >= 0.5 and b", 'say "no"', 2.5]
 
@@ -89,20 +90,7 @@ def test_the_forms_that_are_listed_can_be_read():
     assert len(parse_wishes(mission, [" and ".join(texts)])) == len(texts)
 
 
-levels = st.floats(0, 1e9)
-shares = st.floats(0, 1)
-quantities = st.sampled_from(["reward", "survivors"])
-wishes = st.one_of(
-    st.builds(Expected, quantity=quantities, at_least=levels),
-    st.builds(Chance, quantity=quantities, value=levels, at_least=shares),
-    st.builds(TailMean, quantity=quantities, alpha=st.floats(1e-9, 1), at_least=levels),
-    st.builds(WorstCase, losses=st.integers(0, 1), at_least=levels),
-    st.builds(EveryRobot, at_least=shares),
-    st.builds(Reach, node=st.sampled_from(LABELS), at_least=shares),
-)
-
-
-@given(st.lists(wishes, min_size=1, max_size=4))
+@given(wishes_for(PIER))
 def test_what_is_written_is_read(made):
     assert parse_wishes(PIER, [" and ".join(map(str, made))]) == tuple(made)
     texts = list(map(str, made))

@@ -17,7 +17,7 @@ from scipy.ndimage import distance_transform_edt
 from botohe_moo import Mission, MissionError, load_mission, roadmap_from_map, save_mission
 from botohe_moo.mission.formats.maps import FREE, MODES, OCCUPIED, UNKNOWN, read_raster
 from tests.examples import examples
-from tests.test_damaged_files import changed, check_message
+from tests.test_damaged_files import changed, read_or_refused
 
 HAZARD = {"image": "map.png", "mode": "scale", "resolution": 0.5, "origin": [-1, 2, 0], "negate": 0}
 WHITE, GREY, CLEAR = 254, 205, [0, 0, 0, 0]  # grey 205: unknown, by those who save maps
@@ -54,29 +54,25 @@ def palette(*greys):
     return image
 
 
-@pytest.mark.parametrize(
-    ("pixels", "given", "expected"),
-    [
-        ([[0, 65_535]], {"kind": np.uint16}, [1, 0]),
-        ([[[255, 255, 255], [0, 0, 0], [255, 0, 0]]], {}, [0, 1, pytest.approx(2 / 3)]),
-        (palette(255, 0), {}, [0, 1]),
-        *(([[0, 255, 51]], {"negate": yes}, [0, 1, 0.2]) for yes in (1, True, "yes")),
-        ([[0, 255]], {"origin": [-1, 2, 0.0], "frame_id": "map", "voxels": {"a": 1}}, [1, 0]),
-        # The plain scale, as in the tutorial of Nav2's speed filter.
-        ([[0, 255, 51]], {"free_thresh": 0.0, "occupied_thresh": 1.0}, [1, 0, 0.8]),
-        # Shares 1, 0.8, 0.6, 0.4, 0.2 and 0, on a scale from 0.2 to 0.6.
-        (
-            *([[0, 51, 102, 153, 204, 255]], {"free_thresh": 0.2, "occupied_thresh": 0.6}),
-            pytest.approx([1, 1, 1, 0.5, 0, 0]),
-        ),
-        ([[51, 204]], {"occupied_thresh": 0.4}, pytest.approx([1, 0.5])),
-        ([[0, 127, 128, 255]], {"free_thresh": 0.5, "occupied_thresh": 0.5}, [1, 1, 0, 0]),
-    ],
-)
-def test_shares_are_those_of_the_map_server(drawn, pixels, given, expected):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert read_raster(drawn(pixels, **given)).values.tolist() == [expected]
+SHARES = [
+    ([[0, 65_535]], {"kind": np.uint16}, [1, 0]),
+    ([[[255, 255, 255], [0, 0, 0], [255, 0, 0]]], {}, [0, 1, 2 / 3]),
+    (palette(255, 0), {}, [0, 1]),
+    *(([[0, 255, 51]], {"negate": yes}, [0, 1, 0.2]) for yes in (1, True, "yes")),
+    ([[0, 255]], {"origin": [-1, 2, 0.0], "frame_id": "map", "voxels": {"a": 1}}, [1, 0]),
+    # The plain scale, as in the tutorial of Nav2's speed filter.
+    ([[0, 255, 51]], {"free_thresh": 0.0, "occupied_thresh": 1.0}, [1, 0, 0.8]),
+    # Shares 1, 0.8, 0.6, 0.4 and 0.2, on a scale from 0.2 to 0.6.
+    ([[0, 51, 102, 153, 204]], {"free_thresh": 0.2, "occupied_thresh": 0.6}, [1, 1, 1, 0.5, 0]),
+    ([[51, 204]], {"occupied_thresh": 0.4}, [1, 0.5]),
+    ([[0, 127, 128, 255]], {"free_thresh": 0.5, "occupied_thresh": 0.5}, [1, 1, 0, 0]),
+]
+
+
+@pytest.mark.filterwarnings("error")
+def test_shares_are_those_of_the_map_server(drawn):
+    for pixels, options, expected in SHARES:
+        assert read_raster(drawn(pixels, **options)).values.tolist() == [pytest.approx(expected)]
 
 
 def test_cells_are_those_of_the_map_server(drawn):
@@ -134,30 +130,30 @@ def test_the_image_lies_beside_the_file_or_at_home(drawn, tmp_path, monkeypatch)
         assert read_raster(path).values == [[1]]
 
 
-@pytest.mark.parametrize(
-    ("keys", "fault"),
-    [
-        ({"mode": "trinary"}, "line 2: expected mode to be scale, got 'trinary'"),
-        ({"free_thresh": 2}, r"line 6: expected free_thresh <= 1, got 2"),
-        ({"occupied_thresh": 0.3, "free_thresh": 0.4}, r"line 7: .* <= occupied_thresh, 0\.3, got"),
-        ({"resolution": -1}, "line 3: expected resolution > 0, got -1"),
-        ({"origin": [-1, 2, 0.5]}, r"line 4: expected origin \[x, y, 0\], without rotation, got"),
-        ({"image": None}, "line 1: expected the key 'image', which is missing"),
-        ({"image": "no.png"}, r"image 'no\.png': no such file"),
-        ({"image": "~nobody-here/no.png"}, "image '~nobody-here/no.png': "),
-        ({"image": "map.yaml"}, r"image 'map\.yaml': expected an image, such as PNG or PGM"),
-        ({"image": "map.tif"}, r"image 'map\.tif': expected integers as pixels, found floats"),
-        ({"image": "cut.png"}, r"image 'cut\.png': cannot be read: "),
-    ],
-)
-def test_wrong_values_are_named_by_their_lines(drawn, tmp_path, keys, fault):
+WRONG = [
+    ({"mode": "trinary"}, "line 2: expected mode to be scale, got 'trinary'"),
+    ({"free_thresh": 2}, r"line 6: expected free_thresh <= 1, got 2"),
+    ({"occupied_thresh": 0.3, "free_thresh": 0.4}, r"line 7: .* <= occupied_thresh, 0\.3, got"),
+    ({"resolution": -1}, "line 3: expected resolution > 0, got -1"),
+    ({"origin": [-1, 2, 0.5]}, r"line 4: expected origin \[x, y, 0\], without rotation, got"),
+    ({"image": None}, "line 1: expected the key 'image', which is missing"),
+    ({"image": "no.png"}, r"image 'no\.png': no such file"),
+    ({"image": "~nobody-here/no.png"}, "image '~nobody-here/no.png': "),
+    ({"image": "map.yaml"}, r"image 'map\.yaml': expected an image, such as PNG or PGM"),
+    ({"image": "map.tif"}, r"image 'map\.tif': expected integers as pixels, found floats"),
+    ({"image": "cut.png"}, r"image 'cut\.png': cannot be read: "),
+]
+
+
+def test_wrong_values_are_named_by_their_lines(drawn, tmp_path):
     drawn([[0.5]], kind=np.float32, image="map.tif")
     path = drawn(np.zeros((99, 99)))
     (tmp_path / "cut.png").write_bytes((tmp_path / "map.png").read_bytes()[:60])
-    given = {key: value for key, value in {**HAZARD, **keys}.items() if value is not None}
-    path.write_text("".join(f"{key}: {value}\n" for key, value in given.items()))
-    with pytest.raises(MissionError, match=rf"map\.yaml: {fault}"):
-        read_raster(path)
+    for keys, fault in WRONG:
+        left = {key: value for key, value in {**HAZARD, **keys}.items() if value is not None}
+        path.write_text("".join(f"{key}: {value}\n" for key, value in left.items()))
+        with pytest.raises(MissionError, match=rf"map\.yaml: {fault}"):
+            read_raster(path)
 
 
 def test_files_that_are_no_maps(tmp_path):
@@ -186,11 +182,8 @@ def test_changed_files(tmp_path_factory, name, content, data):
     Image.fromarray(np.array([[7]], np.uint8)).save(folder / "map.png")
     (folder / "map.yaml").write_text(json.dumps(HAZARD))
     (folder / name).write_bytes(data.draw(changed(content)))
-    try:
-        raster = read_raster(folder / "map.yaml")
-    except MissionError as error:
-        check_message(error, folder)
-    else:
+    raster = read_or_refused(read_raster, folder / "map.yaml", named=folder, errors=MissionError)
+    if raster is not None:
         assert 0 < raster.resolution < math.inf
         assert ((raster.values >= 0) & (raster.values <= 1)).all()
 

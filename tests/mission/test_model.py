@@ -43,6 +43,7 @@ def ring(lengths=(1, 2.5, 0), **own):
 class TestConstruction:
     def test_attributes(self, mission):
         assert (mission.title, mission.base, mission.robots) == ("A small harbour", "dock", 2)
+        assert Mission(harbour()).name == mission.title
         assert mission.nodes == ("dock", "reef", ("buoy", 2))
         assert [mission.index(node) for node in mission.nodes] == [0, 1, 2]
         assert repr(mission) == (
