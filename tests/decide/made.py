@@ -72,15 +72,15 @@ def solution_of(mission, plans):
     )
 
 
-# Two drones start and end on the roof, where they deposit, too; a rover leaves the dock. The drones
-# collect what is in the cellar with a share of 1/2. All ways back are safe:
-#
-#     node     reward   survival out: drone   rover
-#     attic    4        0.5                   -
-#     cellar   6        0.25, by the dock     0.75
-
-
 def house(rover="rover"):
+    """Two drones start and end on the roof, where they deposit, too; a rover leaves the dock.
+
+    The drones collect what is in the cellar with a share of 1/2. All ways back are safe:
+
+        node     reward   survival out: drone   rover
+        attic    4        0.5                   -
+        cellar   6        0.25, by the dock     0.75
+    """
     graph = nx.DiGraph(pays="return", base="dock")
     for i, (node, reward) in enumerate({"dock": 0, "roof": 0, "attic": 4, "cellar": 6}.items()):
         graph.add_node(node, reward=reward, depot=node == "roof", pos=[i, 0])
