@@ -35,23 +35,18 @@ def test_a_symlink_stays_and_its_file_is_written(tmp_path):
     assert contents(tmp_path / "there") == {"plans.json": b"new", "new.json": b"new"}
 
 
-def test_devices_pipes_and_folders_are_refused(tmp_path):
+def test_devices_pipes_and_folders_are_refused_and_a_missing_folder_is_named(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "device").symlink_to("/dev/null")
     (tmp_path / "folder").mkdir()
     for name in ("pipe", "device", "folder"):
         with pytest.raises(OSError, match=f"found a .*{name}"):
             replace_file(tmp_path / name, b"new")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["device", "folder", "pipe"]
     assert Path("/dev/null").is_char_device()
-
-
-def test_a_missing_folder_is_named(tmp_path):
-    path = tmp_path / "missing" / "plans.json"
     with pytest.raises(FileNotFoundError, match="no such folder") as raised:
-        replace_file(path, b"new")
-    assert raised.value.filename == str(path.parent)
-    assert contents(tmp_path) == {}
+        replace_file(tmp_path / "missing" / "plans.json", b"new")
+    assert raised.value.filename == str(tmp_path / "missing")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["device", "folder", "pipe"]
 
 
 @pytest.mark.parametrize(
