@@ -21,7 +21,7 @@ from PIL import Image
 from botohe_moo import Kind, Mission, MissionError, load_mission, mission_from_tables, save_mission
 from botohe_moo.mission import Draft, Format, format_of, read_mission, stem_of
 from botohe_moo.mission.formats.reading import formats, is_file_name, suffixes
-from tests.mission.made import feature, graph_of, loaded_by_nav2, team_site
+from tests.mission.made import feature, loaded_by_nav2, team_site
 from tests.strategies import missions, team_missions
 
 DATA = Path(__file__).parents[1] / "data"
@@ -148,6 +148,8 @@ def in_levels(vertices, **members):
 
 
 PLACED = list(zip(LABELS, PLACES, strict=True))
+AROUND = nx.DiGraph(ENDS)
+nx.set_node_attributes(AROUND, {label: dict(zip("xy", at, strict=True)) for label, at in PLACED})
 FORMATS = {
     "site.json": {
         **NODES,
@@ -162,9 +164,7 @@ FORMATS = {
         [[*place, 0, label] for label, place in PLACED], coordinate_system="cartesian_meters"
     ),
     "site.yaml": in_levels([[*place, {"name": label}] for label, place in PLACED]),
-    "site.graphml": "\n".join(
-        nx.generate_graphml(graph_of({label: {"x": x, "y": y} for label, (x, y) in PLACED}, ENDS))
-    ),
+    "site.graphml": "\n".join(nx.generate_graphml(AROUND)),
 }
 DANGER = {"danger": 0.1}
 OPTIONS = {
@@ -503,7 +503,8 @@ class TestWritten:
         ],
     )
     def test_is_nothing_that_a_format_cannot_hold(self, tmp_path, suffix, label, changes, words):
-        graph = graph_of({label: {"reward": 1, **changes}})
+        graph = nx.DiGraph()
+        graph.add_node(label, reward=1, **changes)
         with pytest.raises(ValueError, match=re.escape(words)) as caught:
             save_mission(Mission(graph, base=label, robots=1), tmp_path / f"x{suffix}")
         assert str(tmp_path) in str(caught.value)

@@ -19,7 +19,7 @@ from botohe_moo.mission import PlanError
 from botohe_moo.mission.model import mission_digest, numbers_digest
 from botohe_moo.mission.rules import by_kind
 from botohe_moo.trails import PlanBatch, TrailPlan
-from tests.mission.made import BOTH, graph_of, harbour, team_site
+from tests.mission.made import BOTH, harbour, team_site
 from tests.strategies import missions_with_plans, team_missions
 
 ROOT = Path(__file__).parents[2]
@@ -115,7 +115,7 @@ class TestEquality:
         assert Mission(ring((1, 1, 1))) == Mission(ring((None, None, None), max_length=None))
 
     def test_what_makes_them_differ(self, mission):
-        reordered = graph_of({}, graph=harbour().graph)
+        reordered = nx.DiGraph(**harbour().graph)
         reordered.add_nodes_from(reversed(list(harbour().nodes(data=True))))
         reordered.add_edges_from(harbour().edges(data=True))
         fewer = harbour()
@@ -208,7 +208,8 @@ class TestWays:
         assert [mission.nodes[node] for node in uncollected(mission.world)] == lost
 
     def test_ways_between_the_safest_and_the_shortest_are_not_tried(self):
-        graph = graph_of({label: {"reward": 1} for label in "abcd"})
+        graph = nx.DiGraph()
+        graph.add_nodes_from("abcd", reward=1)
         graph.add_edge("a", "b", survival=0.3, length=1)
         nx.add_path(graph, "acb", survival=0.7, length=1)
         nx.add_path(graph, "adb", survival=0.95, length=3)

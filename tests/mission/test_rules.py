@@ -12,7 +12,7 @@ import pytest
 
 from botohe_moo.mission import Kind, Mission, MissionError
 from botohe_moo.mission.rules import read_kinds
-from tests.mission.made import BOTH, DRONE, ROVER, faults_of, graph_of, harbour, team_site
+from tests.mission.made import BOTH, DRONE, ROVER, faults_of, harbour, team_site
 
 NODE, ARC = "node 'reef': ", "arc 'dock' -> 'reef': "
 LAB = "arc 'dock' -> 'lab'"
@@ -52,8 +52,9 @@ def wild():
 
 
 def unjoined(*kinds):
-    graph = graph_of({"dock": {"reward": 1}, "wreck": {"reward": 0}, "isle": {"reward": 0}})
-    graph.add_edges_from([("dock", "wreck"), ("isle", "dock")], survival=1)
+    graph = nx.DiGraph([("dock", "wreck"), ("isle", "dock")])
+    nx.set_node_attributes(graph, {"dock": 1, "wreck": 0, "isle": 0}, "reward")
+    nx.set_edge_attributes(graph, 1, "survival")
     return graph, {"base": "dock"} | ({"kinds": kinds} if kinds else {"robots": 1})
 
 
