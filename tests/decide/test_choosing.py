@@ -98,6 +98,9 @@ def test_where_none_has_what_is_wished_the_nearest_is_named():
         "None of these plans (6) has survivors >= 2 and reward >= 3.5. Plan 3 comes nearest: "
         "it misses survivors >= 2 by 0.1 (it has 1.9) and reward >= 3.5 by 0.7 (it has 2.8)."
     )
+    # Probabilities count as they are: AB lacks 0.45 and 0.3, AC 0.4 and 0.25, BC 0.9 and 0.05.
+    choice = choose(MISSION, PLANS, "P(reward >= 5) >= 0.9 and survivors >= 2")
+    assert NAMES[choice.index] == "AC"
 
 
 def test_small_fronts():
