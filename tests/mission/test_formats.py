@@ -598,6 +598,7 @@ REFUSED = [
     ("x.graphml", typed("int", "5.0"), *[": expected 'danger' of type int, got '5.0'"] * 2),
     ("x.graphml", typed("decimal", "5"), *["of type 'decimal', one of int, integer, long"] * 2),
     ("x.geojson", "{", "Expecting property name"),
+    ("x.geojson", {"features": 3}, "expected GeoJSON with a list of features"),
     ("x.geojson", {"features": [], "mission": 3}, "expected mission to be an object, got 3"),
     ("x.txt", "n five\nm 1\ntmax 2", "line 1: expected 'n' and a number, got 'n five'"),
     ("x.txt", "", *(f"the end: expected '{key}' and a number" for key in ("n", "m", "tmax"))),
