@@ -11,6 +11,7 @@ import json
 import re
 import shutil
 import sys
+import traceback
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,7 @@ from botohe_moo.library import BestKnown, Finder
 from botohe_moo.mission import MissionError, read_mission, save_mission
 from botohe_moo.mission.model import mission_digest
 from tests.examples import examples
+from tests.mission.made import feature
 
 pytestmark = pytest.mark.fuzz
 DATA = Path(__file__).parent / "data"
@@ -58,12 +60,8 @@ class Watch:
     @staticmethod
     def of_numba():
         """Tell whether numba's cache of kernels is being read, which is pickled."""
-        frame = sys._getframe()
-        while frame is not None:
-            if frame.f_globals.get("__name__", "").startswith("numba."):
-                return True
-            frame = frame.f_back
-        return False
+        callers = (frame.f_globals.get("__name__", "") for frame, _ in traceback.walk_stack(None))
+        return any(name.startswith("numba.") for name in callers)
 
     @contextlib.contextmanager
     def over(self):
@@ -124,7 +122,7 @@ def changed_json(draw, data):
 
 def changed(data, *, is_json=False, value=VALUE):
     found = changed_bytes(data, value)
-    return found | changed_json(data) if is_json else found
+    return found if not is_json else found | changed_json(data)
 
 
 def check_message(error, named):
@@ -135,28 +133,26 @@ def check_message(error, named):
     assert max(map(len, lines)) < 2000
 
 
+def read_or_refused(read, *args, named, errors=ValueError, **given):
+    """What is read; None if it is refused by its name."""
+    try:
+        with WATCH.over():
+            return read(*args, **given)
+    except errors as error:
+        check_message(error, named)
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("damaged")
 
 
-SITE = {
-    "features": [
-        *(
-            {"properties": {"id": i, "frame": "map", "metadata": {"reward": i}},
-             "geometry": {"type": "Point", "coordinates": [i, i % 2]}}
-            for i in range(3)
-        ),
-        *(
-            {"properties": {"id": 10, "startid": i, "endid": j, "metadata": {"survival": 0.5}},
-             "geometry": {"type": "LineString", "coordinates": [[0, 1], [1, 0]]}}
-            for i, j in ((0, 1), (1, 2), (2, 0), (2, 1))
-        ),
-    ],
-    "mission": {"base": 0, "robots": 2},
-}  # fmt: skip
-
-
+POINTS = [feature("Point", [i, 1], id=i, frame="map", metadata={"reward": i}) for i in range(3)]
+LINES = [
+    feature("LineString", [[0, 1]], id=10, startid=i, endid=j, metadata={"survival": 0.5})
+    for i, j in ((0, 1), (1, 2), (2, 0), (2, 1))
+]
+SITE = {"features": [*POINTS, *LINES], "mission": {"base": 0, "robots": 2}}
 FORMS = {  # of missions: a suffix, and a file
     "json": (DATA / "pier.json").read_bytes(),
     "graphml": (DATA / "gephi.graphml").read_bytes(),
@@ -168,11 +164,8 @@ FORMS = {  # of missions: a suffix, and a file
 def read_and_saved(path, data, **given):
     """Read a changed mission; what can be read can be saved, and comes back."""
     path.write_bytes(data)
-    try:
-        with WATCH.over():
-            mission = read_mission(path, **given)
-    except MissionError as error:
-        check_message(error, path)
+    mission = read_or_refused(read_mission, path, named=path, errors=MissionError, **given)
+    if mission is None:
         return
     saved = path.with_name("saved.json")
     try:
@@ -207,17 +200,11 @@ def test_tables(folder, nodes, arcs):
     for name, data in {"nodes.csv": nodes, "arcs.csv": arcs}.items():
         path = folder / name
         path.write_bytes(data)
-        try:
-            tables.append(read_table(path))
-        except ValueError as error:
-            check_message(error, path)
-            return
-    try:
-        mission = mission_from_tables(*tables, base="dock", robots=2, both_ways=True)
-    except MissionError as error:
-        check_message(error, "")
-    else:
-        assert isinstance(mission, Mission)
+        tables.append(read_or_refused(read_table, path, named=path))
+    if all(table is not None for table in tables):
+        given = {"base": "dock", "robots": 2, "both_ways": True, "errors": MissionError}
+        mission = read_or_refused(mission_from_tables, *tables, named="", **given)
+        assert mission is None or isinstance(mission, Mission)
 
 
 @pytest.fixture(scope="module")
@@ -240,12 +227,8 @@ def test_a_solution(folder, solved, draw):
     place.mkdir()
     for other, whole in files.items():
         (place / other).write_bytes(data if other == name else whole)
-    try:
-        with WATCH.over():
-            read = read_solution(place)
-    except (ValueError, OSError) as error:
-        check_message(error, place)
-    else:
+    read = read_or_refused(read_solution, place, named=place, errors=(ValueError, OSError))
+    if read is not None:
         # A plan that adds no area may be gone.
         assert {*read.plans} <= {*solution.plans}
         assert read.area == pytest.approx(solution.area)
@@ -254,48 +237,36 @@ def test_a_solution(folder, solved, draw):
         read.choose("survivors >= 1")
 
 
+TOY = load_mission("toy")
+
+
 @pytest.fixture(scope="module")
 def bound(tmp_path_factory):
-    toy = load_mission("toy")
     path = tmp_path_factory.mktemp("bound") / "bound.json"
-    bound_front(toy, time_limit=1).save(path)
-    return toy, path.read_bytes()
+    bound_front(TOY, time_limit=1).save(path)
+    return path.read_bytes()
 
 
 @examples(200)
 @given(draw=st.data())
 def test_a_bound(folder, bound, draw):
-    toy, data = bound
     path = folder / "bound.json"
-    path.write_bytes(draw.draw(changed(data, is_json=True)))
-    try:
-        with WATCH.over():
-            read = FrontBound.load(path, toy)
-    except (ValueError, OSError) as error:
-        check_message(error, path)
-    else:
-        assert 0 <= read.area <= 1
-
-
-def best_known_of_toy():
-    toy = load_mission("toy")
-    plans = [toy.plan([trail, [1]]) for trail in ([1, 3, 2, 4, 2, 3, 1], [1, 3, 1], [1])]
-    return BestKnown(toy).merged(plans, Finder("2026-11-27", "Ada", "by hand"))
+    path.write_bytes(draw.draw(changed(bound, is_json=True)))
+    read = read_or_refused(FrontBound.load, path, TOY, named=path, errors=(ValueError, OSError))
+    assert read is None or 0 <= read.area <= 1
 
 
 @examples(200)
 @given(draw=st.data(), packed=st.booleans())
 def test_a_best_known_front(folder, draw, packed):
-    known = best_known_of_toy()
+    plans = [TOY.plan([trail, [1]]) for trail in ([1, 3, 2, 4, 2, 3, 1], [1, 3, 1], [1])]
+    known = BestKnown(TOY).merged(plans, Finder("2026-11-27", "Ada", "by hand"))
     data = draw.draw(changed(known.to_bytes(), is_json=True))
     path = folder / ("toy.front.json.gz" if packed else "toy.front.json")
     whole = gzip.compress(data, mtime=0)
     path.write_bytes(draw.draw(changed(whole) | st.just(whole)) if packed else data)
-    try:
-        with WATCH.over():
-            read = BestKnown.read(path, known.mission)
-    except ValueError as error:
-        check_message(error, path)
+    read = read_or_refused(BestKnown.read, path, TOY, named=path)
+    if read is None:
         return
     try:
         read.check()

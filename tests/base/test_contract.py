@@ -50,11 +50,9 @@ def bounds_of(parameter):
 
 @pytest.mark.parametrize(("name", "kind"), BOTH)
 def test_each_number_states_its_range_and_keeps_it(name, kind):
-    make, check = (
-        (make_algorithm, algorithm_faults)
-        if kind == "algorithm"
-        else (load_mission, mission_faults)
-    )
+    of_algorithms = kind == "algorithm"
+    make = make_algorithm if of_algorithms else load_mission
+    check = algorithm_faults if of_algorithms else mission_faults
     for parameter in stated(name, kind):
         for side, bound, outside in bounds_of(parameter):
             [(blamed, said)] = check(name, {parameter.name: outside})

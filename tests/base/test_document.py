@@ -17,12 +17,10 @@ SCALARS = (
     | st.floats(allow_nan=False, allow_infinity=False)
     | st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cn", "Zl", "Zp"]), max_size=9)
 )
+KEYS = st.text("abcxyz_ é", min_size=1, max_size=5)
 CONTENTS = st.recursive(
     SCALARS,
-    lambda inner: (
-        st.lists(inner, max_size=4)
-        | st.dictionaries(st.text("abcxyz_ é", min_size=1, max_size=5), inner, max_size=4)
-    ),
+    lambda part: st.lists(part, max_size=4) | st.dictionaries(KEYS, part, max_size=4),
     max_leaves=15,
 )
 
@@ -52,13 +50,9 @@ def test_values_are_those_of_yaml_1_2():
 OTHERS = "yes On off y tRUE nULL 0b1 -0x1F 0o8 1:30 2026-11-21 = ._"
 
 
-@pytest.mark.parametrize("text", OTHERS.split())
-def test_texts_that_other_versions_of_yaml_take_for_values(text):
-    assert Document(text).content == text
-    assert Document(f"{{{text}: 1}}").content == {text: 1}
-
-
-def test_keys_are_texts():
+def test_texts_that_other_versions_of_yaml_take_for_values_and_keys_which_are_texts():
+    for text in OTHERS.split():
+        assert Document(f"{{{text}: {text}}}").content == {text: text}
     content = Document("{1: a, true: b, null: c, 2.50: d}").content
     assert content == {"1": "a", "true": "b", "null": "c", "2.50": "d"}
 
@@ -92,8 +86,7 @@ def test_anchors_are_of_values_and_of_keys():
 
 
 def test_lines_are_found():
-    document = Document(TEXT)
-    for place, line in {
+    lines = {
         (): 1,
         ("list", 1): 4,
         ("list", 1, "deep", "two"): 6,
@@ -101,8 +94,8 @@ def test_lines_are_found():
         ("list", 1, "missing", "further"): 4,
         ("merged", "q"): 10,
         ("merged", "p"): 7,
-    }.items():
-        assert document.line(place) == line, place
+    }
+    assert {place: Document(TEXT).line(place) for place in lines} == lines
 
 
 def test_what_cannot_be_read_is_named_with_its_line():
@@ -112,17 +105,12 @@ def test_what_cannot_be_read_is_named_with_its_line():
         ("<<: {}\n<<: {}\n", 2, 'duplicate key "<<"'),
         ("a: 1\nb:\n  [1, 2]: 3\n", 3, "unhashable key"),
         ("a: [1,\n", 2, "(line 2): did not find expected node content."),
-        ("a: 'b\n\nc: d\n", 4, "quoted scalar (line 1)"),
         ("a: éééé\nb: \x07\nc: d\n", 0, "control characters"),
         ("a: 1\nb: !mine x\n", 2, "'!mine'"),
         ("a: 1\nb: !!python/object/apply:os.system ['true']\n", 2, "os.system'"),
-        ("a: !!int x", 0, "invalid literal"),
         (f"a: 1\nb: {'9' * 5_000}", 0, "4300 digits"),
-        ("a: 1\nb: !!seq {}", 2, "expected a sequence node"),
         ("a: 1\nb: *c\n", 2, "undefined alias 'c'."),
-        ("a: 1\n---\nb: 2\n", 2, "another document"),
         ("a:\n  <<: 3\n", 2, "mapping (line 2): expected a mapping"),
-        ("<<: [{}, 3]\n", 1, "expected a mapping for merging"),
         ("a: &a [*a]\n", 1, "recursive node"),
         ("a: '\ud800'\n", 0, "surrogates"),
         *((opened * 100_000, 0, "recursion depth") for opened in ("[", "{a: ", "- ", "? ")),

@@ -6,14 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from botohe_moo.base.files import (
-    Source,
-    check_folder,
-    new_folder,
-    read_json,
-    read_table,
-    replace_file,
-)
+from botohe_moo.base.files import check_folder, new_folder, read_table, replace_file
 
 
 def contents(folder):
@@ -42,23 +35,18 @@ def test_a_symlink_stays_and_its_file_is_written(tmp_path):
     assert contents(tmp_path / "there") == {"plans.json": b"new", "new.json": b"new"}
 
 
-def test_devices_pipes_and_folders_are_refused(tmp_path):
+def test_devices_pipes_and_folders_are_refused_and_a_missing_folder_is_named(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "device").symlink_to("/dev/null")
     (tmp_path / "folder").mkdir()
     for name in ("pipe", "device", "folder"):
         with pytest.raises(OSError, match=f"found a .*{name}"):
             replace_file(tmp_path / name, b"new")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["device", "folder", "pipe"]
     assert Path("/dev/null").is_char_device()
-
-
-def test_a_missing_folder_is_named(tmp_path):
-    path = tmp_path / "missing" / "plans.json"
     with pytest.raises(FileNotFoundError, match="no such folder") as raised:
-        replace_file(path, b"new")
-    assert raised.value.filename == str(path.parent)
-    assert contents(tmp_path) == {}
+        replace_file(tmp_path / "missing" / "plans.json", b"new")
+    assert raised.value.filename == str(tmp_path / "missing")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["device", "folder", "pipe"]
 
 
 def test_a_folder_without_permission_is_named(tmp_path, monkeypatch):
@@ -96,45 +84,33 @@ def test_whatever_fails_leaves_the_old_file(tmp_path, monkeypatch, stage, failur
         assert (raised.value.errno, raised.value.filename) == (errno.ENOSPC, str(path))
 
 
-def test_json_whose_objects_repeat_a_key_is_refused(tmp_path):
-    path = tmp_path / "site.json"
-    path.write_text('{"nodes": [{"reward": 1, "id": "reef", "reward": 2}]}')
-    with pytest.raises(ValueError, match="'reward' twice"):
-        Source(path).json  # noqa: B018
-    assert read_json('{"a": {"b": 1}, "b": [{"a": 2}]}') == {"a": {"b": 1}, "b": [{"a": 2}]}
-
-
 def test_a_new_folder_is_new_every_time(tmp_path):
     for name in ("run", "run-2", "run-3"):
         assert new_folder(tmp_path / "all" / "run") == tmp_path / "all" / name
     assert len(list((tmp_path / "all").iterdir())) == 3
 
 
-@pytest.mark.parametrize("separator", [",", ";", "\t"])
-def test_tables_are_read_as_spreadsheets_write_them(tmp_path, separator):
+def test_tables_are_read_as_spreadsheets_write_them(tmp_path):
     lines = ["Label,Reward", "dock,0", "", '"north ""hall""",5', ",", " 7 ,NA"]
-    text = "\ufeff" + "\r\n".join(lines).replace(",", separator)
-    (tmp_path / "nodes.csv").write_bytes(text.encode())
-    table = read_table(tmp_path / "nodes.csv")
-    assert list(table.columns) == ["Label", "Reward"]
-    assert list(table.index) == [2, 4, 6]  # as a spreadsheet counts them
-    assert table.to_numpy().tolist() == [["dock", "0"], ['north "hall"', "5"], [" 7 ", "NA"]]
+    for separator in ",;\t":
+        text = "\ufeff" + "\r\n".join(lines).replace(",", separator)
+        (tmp_path / "nodes.csv").write_bytes(text.encode())
+        table = read_table(tmp_path / "nodes.csv")
+        assert list(table.columns) == ["Label", "Reward"]
+        assert list(table.index) == [2, 4, 6]  # as a spreadsheet counts them
+        assert table.to_numpy().tolist() == [["dock", "0"], ['north "hall"', "5"], [" 7 ", "NA"]]
 
 
-@pytest.mark.parametrize(
-    ("data", "fault"),
-    [
-        (None, "no such file"),
-        (b"", "No columns"),
-        (b"label,reward\ndock,0,1\n", "line 2"),
-        (b'label,reward\ndock,"0\nreef,5\n', "EOF inside string"),
-        ("label,reward\ncafé,1\n".encode("cp1252"), "0xe9 .* 'CSV UTF-8'"),
-    ],
-)
-def test_what_is_wrong_with_a_table_is_named(tmp_path, data, fault):
+def test_what_is_wrong_with_a_table_is_named(tmp_path):
     path = tmp_path / "nodes.csv"
-    if data is not None:
-        path.write_bytes(data)
-    with pytest.raises(ValueError, match=fault) as caught:
+    with pytest.raises(ValueError, match=f"^{path}: no such file"):
         read_table(path)
-    assert str(caught.value).startswith(str(path))
+    for data, fault in (
+        ("", "No columns"),
+        ("label,reward\ndock,0,1\n", "line 2"),
+        ('label,reward\ndock,"0\nreef,5\n', "EOF inside string"),
+        ("label,reward\ncafé,1\n", "0xe9 .* 'CSV UTF-8'"),
+    ):
+        path.write_bytes(data.encode("cp1252"))
+        with pytest.raises(ValueError, match=f"^{path}: .*{fault}"):
+            read_table(path)

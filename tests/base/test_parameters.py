@@ -3,7 +3,7 @@
 import functools
 import math
 import pickle
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -27,7 +27,6 @@ from botohe_moo.base.parameters import (
     accepted_parameters,
     call_factory,
     changes_nothing,
-    check,
     check_weights,
     checked,
     plain_value,
@@ -55,22 +54,19 @@ class Rope:
 Positive = Annotated[float, Field(gt=0)]
 Share = Annotated[float, Field(gt=0, lt=1)]
 Few = Annotated[int, Field(ge=1, le=5)]
+Long = Annotated[str, Field(min_length=3)]
 
 
 class TestValues:
     def test_right_ones_arrive_as_pythons_types(self):
         for hint, value, expected in [
             (int, np.int64(3), 3),
-            (int, np.array([3])[0], 3),
             (int, 10**400, 10**400),
             (float, np.float32(0.5), 0.5),
-            (Share, 5e-324, 5e-324),
-            (Share, 1 - 2**-53, 1 - 2**-53),
             (bool, np.True_, True),
             (int | None, None, None),
             (float | Literal["bounds"], "bounds", "bounds"),
             (Mapping[str, float], {"a": 1}, {"a": 1.0}),
-            (Sequence[int], [1, 2], [1, 2]),
             (Rope | str, "rope", "rope"),
             ("a name that leads nowhere", 3, 3),
         ]:
@@ -81,30 +77,17 @@ class TestValues:
         ("hint", "value", "message"),
         [
             (int, "100", "Expected x to be an integer, got '100'."),
-            (int, 1.0, "Expected x to be an integer, got 1.0."),
             (int | None, np.True_, "Expected x to be an integer, got True."),
             (bool, 1, "Expected x to be true or false, got 1."),
             (float | Literal["a"], "c", "Expected x to be a number or 'a', got 'c'."),
             (Share, "much", "Expected x to be a number in (0, 1), got 'much'."),
-            (Share, 1, "Expected x in (0, 1), got 1."),
             (Few | None, 0, "Expected x in [1, 5], got 0."),
             (Positive | Literal["a"], -1, "Expected x > 0 or 'a', got -1."),
-            (Positive, -0.0, "Expected x > 0, got -0.0."),
             (parameters.Positive, math.inf, "Expected x to be a finite number > 0, got inf."),
-            (parameters.NotNegative, -5e-324, "Expected x >= 0, got -5e-324."),
             (Annotated[int, Field(multiple_of=3)], 4, "Expected x to be a multiple of 3, got 4."),
             (Rope | str, 3, "Expected x to be an instance of Rope or a text, got 3."),
-            (
-                dict[str, list[int]],
-                {"a": [1, "2"]},
-                "Expected x['a'][1] to be an integer, got '2'.",
-            ),
-            (str | Mapping[str, float], {"a": "b"}, "Expected x['a'] to be a number, got 'b'."),
-            (
-                Annotated[str, Field(min_length=3)],
-                "ab",
-                "Expected x to have at least 3 characters, got 'ab'.",
-            ),
+            (dict[str, list[int]], {"a": ["2"]}, "Expected x['a'][0] to be an integer, got '2'."),
+            (Long, "ab", "Expected x to have at least 3 characters, got 'ab'."),
         ],
     )
     def test_wrong_ones(self, hint, value, message):
@@ -118,35 +101,6 @@ class TestValues:
         assert value_faults(ValueError("Odd."), hint) == ["x: Odd."]
         with pytest.raises(KeyError, match="odd"):
             value_faults(KeyError("odd"), hint)
-
-    @given(
-        st.integers()
-        | st.floats()
-        | st.text()
-        | st.booleans()
-        | st.none()
-        | st.lists(st.integers())
-    )
-    def test_types_are_told_apart_as_python_does(self, value):
-        for hint in (int, bool, str, list, float):
-            expected = (int, float) if hint is float else (hint,)
-            assert (value_faults(value, hint) == []) == (type(value) in expected)
-
-    @given(st.integers(-20, 20), st.integers(-10, 10), st.integers(-10, 10))
-    def test_ranges_hold_exactly(self, value, low, high):
-        for bounds, inside in (
-            ({"ge": low, "le": high}, low <= value <= high),
-            ({"gt": low, "lt": high}, low < value < high),
-        ):
-            hint = Annotated[int, Field(**bounds)]
-            expected = f"Expected x {Parameter('x', hint=hint).range}, got {value}."
-            assert value_faults(value, hint) == ([] if inside else [expected])
-
-    def test_an_error_holds_the_name_as_data_also_in_another_process(self):
-        with pytest.raises(ParameterError) as error:
-            check("n_ants", 0, int, ge=1)
-        copied = pickle.loads(pickle.dumps(error.value))
-        assert (str(copied), copied.parameter) == ("Expected n_ants >= 1, got 0.", "n_ants")
 
 
 class TestNames:
@@ -167,7 +121,6 @@ class TestNames:
         weights = check_weights("moves", {"a": np.float64(2), "b": 0}, ["a", "b", "c"])
         assert weights == {"a": 2.0, "b": 0.0}
         assert {type(weight) for weight in weights.values()} == {float}
-        assert check_weights("moves", {}, ["a"]) == {}
         for weights, needed, message in (
             ("a", "", "Expected moves to be a mapping, got 'a'."),
             ({"d": 1}, "", "Expected moves among a, b, got 'd'."),
@@ -178,16 +131,12 @@ class TestNames:
                 check_weights("moves", weights, ["a", "b"], needed=needed)
             assert str(error.value) == message
 
-    @pytest.mark.parametrize("n", [1, 2, 100, 103])
-    def test_a_hundred_faults_are_listed(self, n):
-        error = pickle.loads(pickle.dumps(FaultsError(map(str, range(n)), "site.json")))
-        shown = str(error).split("\n  - ")
-        assert error.faults == tuple(map(str, range(n)))
-        if n == 1:
-            assert shown == ["site.json: 0"]
-        else:
-            more = [f"and {n - 100} more"] * (n > 100)
-            assert shown == [f"site.json has {n} faults:", *map(str, range(min(n, 100))), *more]
+    def test_a_hundred_faults_are_listed(self):
+        for n, more in ((2, []), (100, []), (103, ["and 3 more"])):
+            error = pickle.loads(pickle.dumps(FaultsError(map(str, range(n)), "site.json")))
+            shown = [f"site.json has {n} faults:", *map(str, range(min(n, 100))), *more]
+            assert (error.faults, str(error)) == (tuple(map(str, range(n))), "\n  - ".join(shown))
+        assert str(FaultsError(["alone"], "site.json")) == "site.json: alone"
 
     def test_short_values_are_quoted_whole_and_long_ones_are_not(self):
         for value in ["a" * 120, 3, None, 2.5, [1, "a"], {"a": 1}, (), np.int8(3)]:
@@ -204,18 +153,10 @@ class TestNames:
         (int, "int", "", True),
         (Few | None, "int | None", "in [1, 5]", True),
         (Share | None, "float | None", "in (0, 1)", True),
-        (Annotated[float, Field(ge=0.5, lt=1)], "float", "in [0.5, 1)", True),
         (Annotated[Few, Field(description="How many.")], "int", "in [1, 5]", True),
-        (Annotated[int, "of no meaning here"], "int", "", True),
         (Mapping[str, Positive] | str, "Mapping[str, float] | str", "", True),
-        (Literal["a", 1], "Literal['a', 1]", "", True),
-        (tuple[int, ...], "tuple[int, ...]", "", True),
         (Sequence[Few], "Sequence[int]", "", True),
-        (Any, "Any", "", True),
-        (Rope | str, "Rope | str", "", True),
-        (Rope, "Rope", "", False),
         (Rope | None, "Rope | None", "", False),
-        (Iterable[Rope], "Iterable[Rope]", "", False),
         (Mapping[str, Rope], "Mapping[str, Rope]", "", False),
         (Callable[[int], str], "Callable[[int], str]", "", False),
     ],
@@ -241,10 +182,10 @@ def test_all_faults_of_a_file_are_named_with_their_place():
     for line, places in ((None, ("", "zones.0: ")), (len, ("line 1: ", "line 3: "))):
         with pytest.raises(FaultsError, match=r"^site\.yaml has 4 faults") as error:
             validated(content, Site, line, "site.yaml")
-        first, negative, *_ = error.value.faults
+        first, negative, *_, last = error.value.faults
         assert first == f"{places[0]}expected the key 'name', which is missing"
         assert negative == f"{places[1]}expected rate > 0, got -1"
-        assert error.value.faults[-1].endswith("there is no key 'rat'")
+        assert last.endswith("there is no key 'rat'")
 
 
 def climb(*, n: Few = 2, share: "Share", rope: "Rope | None" = None, lost: "Nowhere" = 3, **rest):  # noqa: F821
@@ -271,18 +212,12 @@ class TestAccepted:
         n, share, rope, lost = accepted_parameters(climb)
         stated = n.default, n.annotation, n.range, n.description
         assert stated == (2, "int", "in [1, 5]", "As usual.")
-        assert (share.required, share.annotation, share.range) == (True, "float", "in (0, 1)")
-        assert (rope.plain, lost.plain, lost.hint) == (False, True, Any)
+        assert (share.required, rope.plain, lost.plain, lost.hint) == (True, False, True, Any)
         assert takes_any_name(climb)
-        assert accepted_parameters(climb, hidden={"n", "rope"}) == (share, lost)
-
-    def test_of_what_is_wrapped(self):
-        @functools.wraps(climb)
-        def wrapper(**values):
-            return climb(**values)
-
-        for factory in (wrapper, functools.partial(climb, share=0.5)):
+        wrapped = functools.wraps(climb)(lambda **values: climb(**values))
+        for factory in (wrapped, functools.partial(climb, share=0.5)):
             assert accepted_parameters(factory)[0].range == "in [1, 5]"
+        assert accepted_parameters(climb, hidden={"n", "rope"}) == (share, lost)
 
     def test_only_what_a_factory_states_itself_is_its_own(self):
         found = {p.name: (p.default, p.own) for p in accepted_parameters(Wide.narrow)}
@@ -296,12 +231,11 @@ class TestAccepted:
             a: Annotated[int, SameResult()] = 1,
             b: Annotated[int, Field(ge=1), SameResult] = 1,
             c: Annotated[int, SameResult()] | None = None,
-            d: "Annotated[int, SameResult()]" = 1,
             e: "Annotated[int, NowhereToBeFound()]" = 1,  # noqa: F821
         ): ...
 
         found = {p.name: changes_nothing(p.hint) for p in accepted_parameters(search)}
-        assert found == {"n": False, "a": True, "b": True, "c": True, "d": True, "e": False}
+        assert found == {"n": False, "a": True, "b": True, "c": True, "e": False}
         assert accepted_parameters(search)[2].range == ">= 1"
         assert faults_of(search, {"a": 3, "b": 2, "c": None}) == []
 
@@ -324,10 +258,11 @@ class TestCall:
         assert faults_of(climb, given) == said
         with pytest.raises(ParameterError) as caught:
             call_factory("X", climb, accepted_parameters(climb), given)
-        assert str(caught.value) == "X: " + " ".join(each for _, each in said)
-        assert caught.value.parameter == "m"
-        [(blamed, message)] = faults_of(lambda: 0, {"m": 1})
-        assert (blamed, message) == ("m", "there is no parameter 'm'; known are none.")
+        error = pickle.loads(pickle.dumps(caught.value))  # the name is data
+        assert str(error) == "X: " + " ".join(each for _, each in said)
+        assert (error.parameter, error.faults) == ("m", tuple(said))
+        nothing = [("m", "there is no parameter 'm'; known are none.")]
+        assert faults_of(lambda: 0, {"m": 1}) == nothing
 
     def test_a_default_is_always_in_order(self):
         def odd(*, n: int = None, m: Few = 0): ...  # noqa: RUF013
@@ -335,51 +270,44 @@ class TestCall:
         assert faults_of(odd, {"n": None, "m": 0}) == []
         assert len(faults_of(odd, {"n": "", "m": 9})) == 2
 
-    names = st.sampled_from(["n", "share", "rope", "lost", "m"])
-    values = st.recursive(
-        st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
-        lambda inner: (
-            st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=3)
-        ),
-        max_leaves=5,
-    )
+    scalars = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5)
+    values = scalars | st.lists(scalars) | st.dictionaries(st.text(), scalars)
 
-    @given(st.dictionaries(names, values, max_size=5))
+    @given(st.dictionaries(st.sampled_from(["n", "share", "rope", "lost", "m"]), values))
     def test_no_value_is_too_odd(self, values):
         faults = faults_of(climb, values)
         assert {name for name, _ in faults} <= {*values, None}  # Python names what is missing
         assert all(message for _, message in faults)
 
     def test_what_a_factory_raises_is_translated_where_it_is_of_values(self):
-        def fault(error):
-            def fall(*, n=1, share=2):
+        for error, expected in (
+            (ParameterError("X: A small share.", "share"), ("share", "A small share.")),
+            (ValueError("X: Expected n >= 1, got 0."), (None, "Expected n >= 1, got 0.")),
+            (ValueError(""), (None, "")),
+            (KeyError("n"), (None, "KeyError: 'n'")),
+        ):
+
+            def fall(*, n=1, error=error):
                 raise error
 
-            [found] = faults_of(fall, {"n": 1, "share": 2})
-            return found
-
-        assert fault(ParameterError("X: A small share.", "share")) == ("share", "A small share.")
-        assert fault(ValueError("X: Expected n >= 1, got 0.")) == (None, "Expected n >= 1, got 0.")
-        assert fault(ValueError("")) == (None, "")
-        assert fault(KeyError("n")) == (None, "KeyError: 'n'")
+            assert faults_of(fall, {"n": 1}) == [expected]
 
 
-class TestChecked:
-    @staticmethod
-    @checked
-    def swim(x=None, /, *, n: Few = 2, share: Share | Literal["all"] = 0.5, rope: "Rope" = None):
-        """Swim."""
-        return x, n, share, rope
+@checked
+def swim(x=None, /, *, n: Few = 2, share: Share | Literal["all"] = 0.5, rope: "Rope" = None):
+    """Swim."""
+    return x, n, share, rope
 
-    def test_what_is_given_by_keyword_is_checked(self):
-        assert self.swim("n") == ("n", 2, 0.5, None)
-        _, n, share, _ = self.swim(n=np.int64(3), share=np.float32(0.5))
-        assert (n, share, type(n), type(share)) == (3, 0.5, int, float)
-        assert self.swim(share="all")[2] == "all"
-        with pytest.raises(ParameterError) as error:
-            self.swim(share=1, n=2)
-        assert str(error.value) == "Expected share in (0, 1) or 'all', got 1."
-        assert error.value.parameter == "share"
+
+def test_what_is_given_by_keyword_to_a_checked_function_is_checked():
+    assert swim("n") == ("n", 2, 0.5, None)
+    _, n, share, _ = swim(n=np.int64(3), share=np.float32(0.5))
+    assert (n, share, type(n), type(share)) == (3, 0.5, int, float)
+    assert swim(share="all")[2] == "all"
+    with pytest.raises(ParameterError) as error:
+        swim(share=1, n=2)
+    expected = "Expected share in (0, 1) or 'all', got 1."
+    assert (str(error.value), error.value.parameter) == (expected, "share")
 
 
 def test_plain_values():

@@ -23,7 +23,7 @@ from functools import partial
 import networkx as nx
 import numpy as np
 
-from botohe_moo import Mission, Solution
+from botohe_moo import Kind, Mission, Solution
 from botohe_moo.decide import Wish
 
 Expected, Chance, TailMean = (partial(Wish, form) for form in ("expected", "chance", "tail mean"))
@@ -70,3 +70,37 @@ def solution_of(mission, plans):
         seconds=None,
         interrupted=False,
     )
+
+
+def house(rover="rover"):
+    """Two drones start and end on the roof, where they deposit, too; a rover leaves the dock.
+
+    The drones collect what is in the cellar with a share of 1/2. All ways back are safe:
+
+        node     reward   survival out: drone   rover
+        attic    4        0.5                   -
+        cellar   6        0.25, by the dock     0.75
+    """
+    graph = nx.DiGraph(pays="return", base="dock")
+    for i, (node, reward) in enumerate({"dock": 0, "roof": 0, "attic": 4, "cellar": 6}.items()):
+        graph.add_node(node, reward=reward, depot=node == "roof", pos=[i, 0])
+    graph.nodes["cellar"]["share"] = {"drone": 0.5}
+    for tail, head, drone, by_rover in (
+        ("roof", "attic", 0.5, 0),
+        ("roof", "dock", 1, 0),
+        ("dock", "cellar", 0.25, 0.75),
+    ):
+        graph.add_edge(tail, head, survival={"drone": drone, rover: by_rover})
+        graph.add_edge(head, tail, survival={"drone": 1, rover: float(by_rover > 0)})
+    kinds = [Kind("drone", 2, start="roof", end="roof"), Kind(rover, 1)]
+    return Mission(graph, kinds=kinds, name="house")
+
+
+HOUSE = house()
+ROVER = ["dock", "cellar", "dock"]
+DEEP = ["roof", "dock", "cellar", "dock", "roof"]
+# E[R] and E[S]: 4 x 0.5 + 6 x 0.75 = 6.5 and 2.25; 4.5 and 2.75; 2 + 6 (1 - 0.25 x 0.875) and 1.5.
+ATTIC = HOUSE.plan([["roof", "attic", "roof"], ["roof"], ROVER])
+GROUND = HOUSE.plan([["roof"], ["roof"], ROVER])
+BOTH = HOUSE.plan([DEEP, ["roof", "attic", "roof"], ROVER])
+IN_HOUSE = [ATTIC, GROUND, BOTH]

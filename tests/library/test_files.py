@@ -53,10 +53,9 @@ class TestMissions:
             assert library_name_of(numbers_digest(mission)) == name
             n_nodes = len(mission.nodes)
             assert name.split("-")[1] == str(n_nodes)
-            limit = {"small": 40, "medium": 100, "large": 1000}[entry.size]
-            assert n_nodes <= limit
-        assert min(len(load_mission(f"library:{name}").nodes) for name in ENTRIES) == 10
+            assert 10 <= n_nodes <= {"small": 40, "medium": 100, "large": 1000}[entry.size]
         assert len({entry.digest for entry in ENTRIES.values()}) == len(ENTRIES)
+        assert library_name_of(numbers_digest(load_mission(f"library:{SMALL}", robots=3))) is None
 
     def test_selections_are_names_of_several(self):
         assert library_names() == tuple(ENTRIES)
@@ -64,28 +63,20 @@ class TestMissions:
         of_size = [library_names(size) for size in ("small", "medium", "large")]
         assert sorted(name for names in of_size for name in names) == sorted(ENTRIES)
         assert library_names("town") == ("town-16", "town-64", "town-196")
-        with pytest.raises(ValueError, match="a mission of the library among town-16, "):
-            library_names("town-17")
-
-    def test_other_names_are_refused(self):
-        for name, fault in (
-            ("library:town-17", "Expected a mission of the library among town-16, "),
-            ("library:town", "these are several: town-16, town-64, town-196"),
-            ("library:", "Expected a mission of the library"),
+        for ask, name, fault in (
+            (library_names, "town-17", "a mission of the library among town-16, "),
+            (load_mission, "library:town-17", "Expected a mission of the library among town-16, "),
+            (load_mission, "library:town", "these are several: town-16, town-64, town-196"),
+            (load_mission, "library:", "Expected a mission of the library"),
         ):
             with pytest.raises(ValueError, match=fault):
-                load_mission(name)
+                ask(name)
 
     def test_numbers_that_are_drawn_otherwise_are_noticed(self, monkeypatch):
         changed = {**ENTRIES, SMALL: ENTRIES[SMALL]._replace(digest="0" * 16)}
         monkeypatch.setattr("botohe_moo.mission.loading.ENTRIES", changed)
         with pytest.raises(MissionError, match="expected the digest 0000000000000000, got"):
             load_mission(f"library:{SMALL}")
-
-    def test_another_team_is_another_mission(self):
-        mission = load_mission(f"library:{SMALL}", robots=3)
-        assert mission.robots == 3
-        assert library_name_of(numbers_digest(mission)) is None
 
 
 class TestFiles:
@@ -103,11 +94,6 @@ class TestFiles:
     @pytest.mark.slow
     def test_all_are_right(self):
         assert check_library() == {}
-
-    def test_bounds_say_who_proved_them(self):
-        record = json.loads((FOLDER / f"{SMALL}.bound.json").read_bytes())
-        assert record["version"]
-        assert record["mission_digest"] == ENTRIES[SMALL].digest
 
     def test_the_table_lists_them(self):
         table = library_table("small")
@@ -128,29 +114,9 @@ class TestAdding:
         for point, finder in zip(map(tuple, after.objectives.tolist()), after.finders, strict=True):
             assert finder == (ADA if point in kept else BOB)
         assert check_library([SMALL], folder=library) == {}
-
-    def test_what_is_worse_everywhere_leaves_the_files(self, library, found):
-        before, front = contents(library), best_known(SMALL, folder=library).objectives
-        tried = solve(found.mission, "random", evaluations=50, seed=1)
-        behind = [
-            plan
-            for plan, point in zip(tried.plans, tried.objectives, strict=True)
-            if (front > point).all(axis=1).any()
-        ]
-        assert behind
-        add_plans({SMALL: [(found.plans[::2], BOB), (behind, ADA)]}, folder=library)
-        assert contents(library) == before
-
-    def test_two_additions_in_either_order_give_the_same_files(self, library, found):
-        lists = [(found.plans[1::4], ADA), (found.plans[1::3], BOB)]
-        orders = []
-        for order in (lists, lists[::-1]):
-            folder = library.with_name(f"order-{len(orders)}")
-            folder.mkdir()
-            for plans in order:
-                add_plans({SMALL: [plans]}, folder=folder)
-            orders.append(contents(folder))
-        assert orders[0] == orders[1]
+        written = contents(library)
+        add_plans({SMALL: [(found.plans[::2], BOB), (found.plans, BOB)]}, folder=library)
+        assert contents(library) == written
 
     def test_fronts_of_large_missions_are_compressed(self, tmp_path):
         home = load_mission("library:town-196").stay_home()
@@ -171,41 +137,28 @@ class TestAdding:
 
 
 class TestChecking:
-    def test_what_is_wrong_is_named(self, library):
-        path = library / f"{SMALL}.front.json"
-        before = path.read_bytes()
-        content = json.loads(before)
-        content["plans"][0][0] *= 1.001
-        path.write_text(json.dumps(content))
-        faults = check_library([SMALL], folder=library)
-        assert list(faults) == [SMALL]
-        assert faults[SMALL].startswith(f"{path}: Plan 0: expected the objectives ")
-        content = json.loads(before)
-        content["trails"].append([0])
-        path.write_text(json.dumps(content))
-        said = "expected what `botohe library add` writes"
-        assert said in check_library([SMALL], folder=library)[SMALL]
-
-    def test_a_bound_below_the_front_is_named(self, library):
-        path = library / f"{SMALL}.bound.json"
-        content = json.loads(path.read_bytes())
-        content["steps"] = [
-            [n, most / 2, least, proof] for n, most, least, proof in content["steps"]
-        ]
-        path.write_text(json.dumps(content))
-        assert "has at most" in check_library([SMALL], folder=library)[SMALL]
-
-    @pytest.mark.parametrize("kind", ["front", "bound"])
-    def test_a_missing_file_is_named(self, library, kind):
+    @pytest.mark.parametrize(
+        ("kind", "change", "said"),
+        [
+            ("front", lambda c: c["plans"][0].__setitem__(0, 9.0), "Plan 0: expected the objecti"),
+            ("front", lambda c: c["trails"].append([0]), "expected what `botohe library add` writ"),
+            ("bound", lambda c: [step.__setitem__(1, 1.0) for step in c["steps"]], "has at most"),
+            ("front", None, "o such file"),
+            ("bound", None, "o such file"),
+        ],
+    )
+    def test_what_is_wrong_is_named(self, library, kind, change, said):
         path = library / f"{SMALL}.{kind}.json"
+        content = json.loads(path.read_bytes())
         path.unlink()
-        said = check_library([SMALL], folder=library)[SMALL]
-        assert str(path) in said
-        assert "no such file" in said.lower()
-        if kind == "bound":
+        if change is not None:
+            change(content)
+            path.write_text(json.dumps(content))
+        [(name, fault)] = check_library([SMALL], folder=library).items()
+        assert (name, str(path) in fault, said in fault) == (SMALL, True, True)
+        if (kind, change) == ("bound", None):
             row = library_table([SMALL], folder=library).iloc[0]
-            assert np.isnan(row["gap"])
-            assert row["plans"] > 0
+            assert (np.isnan(row["gap"]), row["plans"] > 0) == (True, True)
 
 
 @pytest.mark.slow
@@ -246,10 +199,8 @@ def labels(missions):
 
 class TestSelections:
     def test_a_list_has_missions_by_their_own_names(self):
-        assert labels(["library:town", "library:lattice-12", "toy"]) == {
-            **{name: name for name in (*library_names("town"), "lattice-12")},
-            "toy": "toy",
-        }
+        names = (*library_names("town"), "lattice-12", "toy")
+        assert labels(["library:town", "library:lattice-12", "toy"]) == {n: n for n in names}
         assert list(labels(["library:small"])) == list(library_names("small"))
 
     def test_an_entry_has_its_label_before_them(self):
@@ -263,14 +214,10 @@ class TestSelections:
         known = [mission.library_name for mission in study.missions]
         assert known == [*town, None, None, None, "lattice-12"]
 
-    def test_a_label_that_is_there_twice_is_named(self):
-        with pytest.raises(StudyError, match="town-16"):
+    def test_what_is_refused(self):
+        with pytest.raises(StudyError, match="town-16"):  # twice the same label
             labels({"town-16": "toy", "library:town": "library:town"})
-
-    @pytest.mark.parametrize("robots", [None, 3])
-    def test_best_known_fronts_are_of_missions_of_the_library(self, robots):
-        entry = {"mission": f"library:{SMALL}"} if robots else "toy"
-        given = {"mission": entry} if not robots else {"mission": {**entry, "robots": robots}}
-        said = r"^reference: 'mission' is not a mission of the library with its own limits\.$"
-        with pytest.raises(StudyError, match=said):
-            loaded(given, reference="best-known")
+        said = r"^reference: 'mine' is not a mission of the library with its own limits\.$"
+        for mission in ("toy", {"mission": f"library:{SMALL}", "robots": 3}):
+            with pytest.raises(StudyError, match=said):
+                loaded({"mine": mission}, reference="best-known")

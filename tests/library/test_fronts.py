@@ -3,11 +3,12 @@
 import itertools
 import json
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo import BOTOHE, Kind, Mission, area_indicator, load_mission
+from botohe_moo import BOTOHE, Kind, Mission, load_mission
 from botohe_moo.library import BestKnown, Finder
 from botohe_moo.trails import TrailPlan
 from tests.strategies import missions, plans, team_missions
@@ -37,12 +38,8 @@ def lists_of_plans(draw):
     problem = BOTOHE(mission)
 
     def keep_limits(found):
-        batch = mission.batch(found)
-        return [
-            p
-            for p, g in zip(found, problem.constrain_batch(batch), strict=True)
-            if max(g, default=0) <= 0
-        ]
+        worst = np.max(problem.constrain_batch(mission.batch(found)), axis=1, initial=0.0)
+        return [plan for plan, most in zip(found, worst, strict=True) if most <= 0]
 
     return mission, [(keep_limits(found), finder) for found, finder in draw(lists)]
 
@@ -73,14 +70,14 @@ class TestMerging:
         # (4.14 · 1.6561 + 0.9 · (1.81 − 1.6561)) / (10 · 2)
         assert better.area == pytest.approx(0.34973820, abs=1e-8)
 
-    def test_what_is_worse_everywhere_changes_nothing(self):
-        front = BestKnown(TOY).merged([FAR, NEAR, HOME], ADA)
-        assert front.merged([WORSE], BOB).to_bytes() == front.to_bytes()
-        assert front.merged([], BOB).to_bytes() == front.to_bytes()
+        for found in ([WORSE], []):
+            assert better.merged(found, BOB).to_bytes() == better.to_bytes()
 
     def test_of_equal_ones_the_earliest_stays(self):
+        trails = [[1, 3, 1], [1, 3, 2, 4, 2, 3, 1]]
+        plans = TOY.plan(trails), TOY.plan(trails[::-1])
         for first, second in itertools.permutations([ADA, BOB]):
-            front = BestKnown(TOY).merged([NEAR], first).merged([NEAR], second)
+            front = BestKnown(TOY).merged(plans[:1], first).merged(plans[1:], second)
             assert front.finders == (ADA,)
 
     @given(lists_of_plans(), st.randoms(use_true_random=False))
@@ -95,21 +92,6 @@ class TestMerging:
         found = [plan for plans, _ in lists for plan in plans]
         assert {tuple(row) for row in front.objectives.tolist()} == not_dominated(mission, found)
         front.check()
-
-    @given(lists_of_plans())
-    def test_the_area_never_falls(self, drawn):
-        mission, lists = drawn
-        front = BestKnown(mission)
-        for found, finder in lists:
-            before, front = front, front.merged(found, finder)
-            assert front.area >= before.area - 1e-11
-            alone = area_indicator(mission.evaluate(found), mission) if found else 0.0
-            assert front.area >= alone - 1e-11
-
-    def test_robots_in_another_order_are_the_same_plan(self):
-        trails = [[1, 3, 1], [1, 3, 2, 4, 2, 3, 1]]
-        one, other = (BestKnown(TOY).merged([TOY.plan(t)], ADA) for t in (trails, trails[::-1]))
-        assert one.to_bytes() == other.to_bytes()
 
     def test_limits_of_the_mission_count(self):
         graph = TOY.graph.copy()
@@ -146,22 +128,18 @@ class TestFiles:
         path.write_bytes(front.to_bytes())
         again = BestKnown.read(path, mission)
         assert again.to_bytes() == front.to_bytes()
-        assert again.finders == front.finders
-        assert list(again.plans) == list(front.plans)
+        assert (again.finders, [*again.plans]) == (front.finders, [*front.plans])
+        empty = BestKnown(mission)
+        assert (empty.objectives.shape, empty.area) == ((0, 2), 0)
+        empty.check()
 
-    @pytest.fixture
-    def changed(self, tmp_path):
+    def changed(self, tmp_path, change):
         """Read a file after a change of its content."""
-
-        def changed(change):
-            front = BestKnown(TOY).merged([FAR, NEAR, HOME], ADA)
-            content = json.loads(front.to_bytes())
-            change(content)
-            path = tmp_path / "toy.front.json"
-            path.write_text(json.dumps(content))
-            BestKnown.read(path, TOY).check()
-
-        return changed
+        content = json.loads(BestKnown(TOY).merged([FAR, NEAR, HOME], ADA).to_bytes())
+        change(content)
+        path = tmp_path / "toy.front.json"
+        path.write_text(json.dumps(content))
+        BestKnown.read(path, TOY).check()
 
     @pytest.mark.parametrize(
         ("change", "fault"),
@@ -170,33 +148,29 @@ class TestFiles:
             (lambda c: c.update(format="botohe-front-2"), "format"),
             (lambda c: c.pop("finders"), "finders"),
             (lambda c: c["plans"][0].__setitem__(0, 9.5), "Plan 0: expected the objectives"),
-            (lambda c: c["plans"][2].__setitem__(1, 1.9), "Plan 2: expected the objectives"),
             (lambda c: c["plans"][0].__setitem__(0, 4.14 * (1 + 8e-10)), "Plan 0: expected the ob"),
             (lambda c: c["plans"][0][3].reverse(), "with sorted trails"),
             (lambda c: c["plans"].reverse(), "Expected non-dominated plans by descending reward"),
             (lambda c: c["plans"].append(c["plans"][-1]), "each once"),
             (lambda c: c["plans"][0].__setitem__(3, [0, 9]), "no such node, trail or finder"),
-            (lambda c: c["plans"][0].__setitem__(3, [0, -1]), r"plans\[0\]\[3\]\[1\]"),
             (lambda c: c["plans"][0].__setitem__(2, 1), "no such node, trail or finder"),
-            (lambda c: c["trails"][1].__setitem__(1, "x"), "no such node, trail or finder"),
             (lambda c: c["trails"][1].pop(), "expected the trail to end at base 1, got 3"),
-            (lambda c: c["trails"].__setitem__(1, []), "trails.1"),
             (lambda c: c["finders"][0].__setitem__(0, "today"), "Invalid isoformat string"),
             (lambda c: c["finders"][0].append("more"), "finders.0"),
         ],
     )
-    def test_what_is_not_true_is_named(self, changed, change, fault):
-        changed(lambda content: None)
+    def test_what_is_not_true_is_named(self, tmp_path, change, fault):
+        self.changed(tmp_path, lambda content: None)
         with pytest.raises(ValueError, match=fault):
-            changed(change)
+            self.changed(tmp_path, change)
 
-    def test_a_dominated_plan_is_named(self, changed):
+    def test_a_dominated_plan_is_named(self, tmp_path):
         def add_worse(content):
             content["trails"].append([1, 3, 2, 1])
             content["plans"].insert(1, [0.9, 1.6561, 0, [0, len(content["trails"]) - 1]])
 
         with pytest.raises(ValueError, match="Expected non-dominated plans"):
-            changed(add_worse)
+            self.changed(tmp_path, add_worse)
 
     def test_damaged_files_are_named(self, tmp_path):
         """Those changed at random: see tests/test_damaged_files.py."""
@@ -204,9 +178,3 @@ class TestFiles:
         for name in ("a.front.json.gz", "missing.json: no such file"):
             with pytest.raises(ValueError, match=name):
                 BestKnown.read(tmp_path / name.partition(":")[0], TOY)
-
-    def test_a_front_without_plans_is_empty(self):
-        empty = BestKnown(TOY)
-        assert empty.objectives.shape == (0, 2)
-        assert empty.area == 0.0
-        empty.check()

@@ -9,14 +9,6 @@ DRONE, ROVER = Kind("drone", 2, start="roof", end="roof"), Kind("rover", 1)
 BOTH = (DRONE, ROVER)
 
 
-def graph_of(nodes, arcs=(), *, survival=None, **about):
-    """A graph of nodes with attributes, and of arcs (tail, head) that are survived alike."""
-    graph = nx.DiGraph(**about)
-    graph.add_nodes_from(nodes.items())
-    graph.add_edges_from(arcs, **({} if survival is None else {"survival": survival}))
-    return graph
-
-
 def harbour(**changes):
     """A ring of three nodes, both ways, but for the arc from the buoy to the dock."""
     graph = nx.DiGraph(title="A small harbour", base="dock", robots=2)
@@ -58,10 +50,16 @@ def changed(graph, /, **changes):
     return graph
 
 
-def faults_of(graph, **given):
+def feature(shape, at, **properties):
+    """A feature of GeoJSON."""
+    geometry = {"type": shape, "coordinates": at}
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
+
+
+def faults_of(*given, make=Mission, **options):
     """Return what is wrong with a mission."""
     with pytest.raises(MissionError) as caught:
-        Mission(graph, **given)
+        make(*given, **options)
     return list(caught.value.faults)
 
 

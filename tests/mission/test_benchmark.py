@@ -47,21 +47,17 @@ def test_by_hand(tmp_path):
     assert read_mission(tmp_path / "again.json") == mission
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda text: text.replace("\t", ";").replace(" ", ";"),
-        lambda text: text.replace("\n", "\n\n").replace("\t", "   ").upper(),
-        lambda text: text.replace("m 2", "m 2  # robots").replace("n 5", "# five points\nn 5"),
-        lambda text: "\ufeff" + text.replace("\n", "\r\n"),
-        lambda _: (DATA / "points_semicolons.TXT").read_text(),
-    ],
-    ids=["semicolons", "blanks", "comments", "windows", "as published"],
-)
-def test_other_spellings(tmp_path, change):
-    path = tmp_path / "other.TXT"
-    path.write_text(change(POINTS.read_text()))
-    assert read_mission(path) == read_mission(POINTS)
+def test_other_spellings(tmp_path):
+    text, path = POINTS.read_text(), tmp_path / "other.TXT"
+    for other in (
+        text.replace("\t", ";").replace(" ", ";"),
+        text.replace("\n", "\n\n").replace("\t", "   ").upper(),
+        text.replace("m 2", "m 2  # robots").replace("n 5", "# five points\nn 5"),
+        "\ufeff" + text.replace("\n", "\r\n"),
+        (DATA / "points_semicolons.TXT").read_text(),  # as published
+    ):
+        path.write_text(other)
+        assert read_mission(path) == read_mission(POINTS)
 
 
 def test_trails_lead_from_the_first_point_to_the_last(instance):
@@ -76,17 +72,14 @@ def test_trails_lead_from_the_first_point_to_the_last(instance):
     own = Kind("rover", 1, max_length=99)
     assert read_mission(POINTS, kinds=[own]).kinds == (own,)
     path = instance([(0, -7, 0), (1, 0, 9), (0, 7, 0)], tmax=7.5)
-    with pytest.raises(
-        MissionError, match=r"cannot keep max_length 7\.5\. .* from 0 to 2, .* 14 l"
-    ):
+    with pytest.raises(MissionError, match=r"max_length 7\.5\. .* from 0 to 2, .* 14 long"):
         read_mission(path)
 
 
-@pytest.mark.parametrize("points", [[(1, 2, 0)], [(1, 2, 0), (3, 2, 5), (1, 2, 0)]])
-def test_a_loop_where_both_ends_are_one_place(instance, points):
-    mission = read_mission(instance(points, robots=3))
-    assert mission.is_plain
-    assert (mission.kinds, len(mission.nodes)) == ((Kind("robot", 3),), len(points))
+def test_a_loop_where_both_ends_are_one_place(instance):
+    for points in ([(1, 2, 0)], [(1, 2, 0), (3, 2, 5), (1, 2, 0)]):
+        mission = read_mission(instance(points, robots=3))
+        assert (mission.is_plain, len(mission.nodes)) == (True, len(points))
 
 
 def test_options_of_all_formats(instance):
@@ -94,12 +87,10 @@ def test_options_of_all_formats(instance):
     points = [(1, 1, 0), (5, 1, 3), (5, 4, 2), (1, 1, 0)]
     nodes = pd.DataFrame(points, columns=["x", "y", "reward"]).assign(label=range(4))
     arcs = pd.DataFrame(itertools.permutations(range(4), 2), columns=["tail", "head"])
-    arcs["length"] = [math.dist(points[u][:2], points[v][:2]) for u, v in arcs.to_numpy().tolist()]
-    arcs["survival"] = [math.exp(-length / 40) for length in arcs["length"]]
     kinds = [Kind("drone", 2, start=1), Kind("rover", 1)]
     for own in ({"base": 2}, {"robots": 5, "reward": 2}, {"both_ways": True}, {"kinds": kinds}):
         given = {"base": 0} | ({} if "kinds" in own else {"robots": 2}) | own | {"pays": "return"}
-        expected = mission_from_tables(nodes, arcs, max_length=40, **given)
+        expected = mission_from_tables(nodes, arcs, max_length=40, danger=1 / 40, **given)
         path = instance(points, robots=2, tmax=40)
         assert load_mission(path, pays="return", **own) == expected
 
@@ -142,19 +133,12 @@ def test_scale(instance):
     path = instance([(0, 0, 0), (3, 4, 1), (0, 0, 0)])
     with pytest.raises(MissionError, match=r"Points 0 and 1: expected survival >= 5e-324, .* 5"):
         read_mission(path, scale=0.001)
-
-
-@pytest.mark.parametrize(
-    ("option", "fault"),
-    [
+    for option, fault in (
         ({"neighbours": 0}, r"Expected neighbours in \[1, 1000000\] or 'all', got 0\."),
-        ({"neighbours": "none"}, "Expected neighbours to be an integer in .* or 'all', got 'none'"),
         ({"scale": 0}, r"Expected scale > 0, got 0\."),
-    ],
-)
-def test_options_out_of_range(option, fault):
-    with pytest.raises(ValueError, match=fault):
-        read_mission(POINTS, **option)
+    ):
+        with pytest.raises(ValueError, match=fault):
+            read_mission(POINTS, **option)
 
 
 @given(grids)

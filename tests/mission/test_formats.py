@@ -21,7 +21,7 @@ from PIL import Image
 from botohe_moo import Kind, Mission, MissionError, load_mission, mission_from_tables, save_mission
 from botohe_moo.mission import Draft, Format, format_of, read_mission, stem_of
 from botohe_moo.mission.formats.reading import formats, is_file_name, suffixes
-from tests.mission.made import graph_of, loaded_by_nav2, team_site
+from tests.mission.made import feature, loaded_by_nav2, team_site
 from tests.strategies import missions, team_missions
 
 DATA = Path(__file__).parents[1] / "data"
@@ -60,28 +60,20 @@ RECOGNISED = [
     ("site.json", "{", "node-link"),
     ("site.json", {"name": "neither"}, "node-link"),
     ("site.txt", "n 1\nm 1\nTMAX 3\n0 0 0", "orienteering"),
-    ("site.txt", "", "orienteering"),
     ("site.graphml", "", "graphml"),
     ("site.building.yaml", {"levels": {}}, "building"),
     ("0.YML", {"levels": {"L1": {"vertices": [[0, 0], [1, 1]]}}}, "building"),
     ("0.yaml", {"levels": {"L1": {"vertices": [[0, 0, 0, ""]]}, "L2": None}}, "building"),
-    ("0.yaml", {"levels": {"L1": None}}, "building"),
     ("0.yaml", {"levels": {"L1": {"vertices": [[0, 0, None]]}}}, "navigation-graph"),
     ("a.building.yaml", {"levels": {"L1": {"vertices": [[0, 0, {}]]}}}, "navigation-graph"),
     ("0.yaml", {"levels": {"L1": {"vertices": [7, [0, 0, {}]]}}}, "building"),
-    (
-        "0.yaml",
-        {"levels": {"L1": {"vertices": [7, [0, 0, {}], [1, 1, {}]]}}},
-        "navigation-graph",
-    ),
+    ("0.yaml", {"levels": {"L1": {"vertices": [7, [0, 0, {}], [1, 1, {}]]}}}, "navigation-graph"),
 ]
 
 
 class TestRecognised:
     def test_every_format_is(self):
         assert {name for *_, name in RECOGNISED} == formats().keys()
-
-    def test_suffixes_are_listed_once(self):
         assert len(suffixes()) == len({*suffixes()})
 
     @pytest.mark.parametrize(("name", "content", "expected"), RECOGNISED)
@@ -120,10 +112,8 @@ class TestRecognised:
     def test_another_writer_of_json_does_not_replace_the_built_in_one(
         self, site, monkeypatch, name
     ):
-        toy, entry = (
-            load_mission("toy"),
-            EntryPoint(name, f"{__name__}:OTHER", "botohe_moo.formats"),
-        )
+        toy = load_mission("toy")
+        entry = EntryPoint(name, f"{__name__}:OTHER", "botohe_moo.formats")
         known = {e.name: e for e in (entry, *entry_points(group="botohe_moo.formats"))}
         monkeypatch.setattr("botohe_moo.base.registry._registered", lambda *_: known)
         save_mission(toy, "toy.json")
@@ -131,20 +121,16 @@ class TestRecognised:
         Path("toy.json").write_bytes(b"other")
         assert format_of("toy.json") == OTHER
 
-    @pytest.mark.parametrize(
-        ("name", "stem", "is_file"),
-        [
-            ("maps/hotel.building.yaml", "hotel", True),
-            ("Hotel.Building.YAML", "Hotel", True),
+    def test_names_of_files(self):
+        for name, stem, is_file in (
+            ("maps/Hotel.Building.YAML", "Hotel", True),
             ("hotel.v2.geojson", "hotel.v2", True),
-            ("b/hotel", "hotel", True),
             (".json", ".json", True),
             ("hotel.pdf", "hotel", False),
+            ("b/hotel", "hotel", True),
             ("hotel", "hotel", False),
-        ],
-    )
-    def test_names_of_files(self, name, stem, is_file):
-        assert (stem_of(name), stem_of(Path(name)), is_file_name(name)) == (stem, stem, is_file)
+        ):
+            assert (stem_of(name), stem_of(Path(name)), is_file_name(name)) == (stem, stem, is_file)
 
 
 OTHER = Format((".json",), lambda source: source.data == b"other", Draft, lambda _: b"other")
@@ -156,36 +142,29 @@ ARCS = ((0, 1), (1, 2), (2, 3), (3, 0))
 ENDS = [(LABELS[u], LABELS[v]) for u, v in ARCS]
 
 
-def feature(shape, at, **properties):
-    geometry = {"type": shape, "coordinates": at}
-    return {"type": "Feature", "properties": properties, "geometry": geometry}
-
-
 def in_levels(vertices, **members):
     lanes = [[u, v, {}] for u, v in ARCS]
     return {**members, "levels": {"L1": {"vertices": vertices, "lanes": lanes}}}
 
 
 PLACED = list(zip(LABELS, PLACES, strict=True))
+AROUND = nx.DiGraph(ENDS)
+nx.set_node_attributes(AROUND, {label: dict(zip("xy", at, strict=True)) for label, at in PLACED})
 FORMATS = {
-    "site.json": NODES
-    | {
+    "site.json": {
+        **NODES,
         "nodes": [{"id": label, "pos": place} for label, place in PLACED],
         "edges": [{"source": tail, "target": head} for tail, head in ENDS],
     },
     "site.geojson": {
-        "features": [
-            *(feature("Point", place, id=label) for label, place in PLACED),
-            *(feature("LineString", [], startid=tail, endid=head) for tail, head in ENDS),
-        ],
+        "features": [feature("Point", place, id=label) for label, place in PLACED]
+        + [feature("LineString", [], startid=tail, endid=head) for tail, head in ENDS]
     },
     "site.building.yaml": in_levels(
         [[*place, 0, label] for label, place in PLACED], coordinate_system="cartesian_meters"
     ),
     "site.yaml": in_levels([[*place, {"name": label}] for label, place in PLACED]),
-    "site.graphml": "\n".join(
-        nx.generate_graphml(graph_of({label: {"x": x, "y": y} for label, (x, y) in PLACED}, ENDS))
-    ),
+    "site.graphml": "\n".join(nx.generate_graphml(AROUND)),
 }
 DANGER = {"danger": 0.1}
 OPTIONS = {
@@ -202,9 +181,11 @@ OPTIONS = {
 }
 
 
-def in_tables(**options):
+def in_tables(*, lengths=None, **options):
     nodes = pd.DataFrame(PLACES, columns=["x", "y"]).assign(label=LABELS)
-    return mission_from_tables(nodes, pd.DataFrame(ENDS, columns=["tail", "head"]), **options)
+    arcs = pd.DataFrame(ENDS, columns=["tail", "head"])
+    arcs = arcs if lengths is None else arcs.assign(length=lengths)
+    return mission_from_tables(nodes, arcs, **options)
 
 
 def ring(labels, **attributes):
@@ -230,19 +211,23 @@ class TestOptions:
         assert [tuple(mission.graph.nodes[v]["pos"]) for v in mission.nodes] == [*PLACES]
 
     def test_mean_what_they_say(self, site):
-        def arcs(**given):
-            return in_tables(base="dock", robots=1, **given).graph.edges
+        def made(**given):
+            return in_tables(base="dock", robots=1, **given)
 
-        assert arcs(**DANGER)["dock", "lab"] == {"length": 4, "survival": math.exp(-0.4)}
-        zone, hazard = arcs(**OPTIONS["danger_zones"]), arcs(**OPTIONS["hazard"])
+        arcs = made(**DANGER).graph.edges
+        assert arcs["dock", "lab"] == {"length": 4, "survival": math.exp(-0.4)}
+        assert made(reward=2, **DANGER).rewards.tolist() == [0, 2, 2, 2]
+        both = made(both_ways=True, **DANGER).graph.edges
+        assert both["lab", "dock"] == both["dock", "lab"]
+        zone = made(**OPTIONS["danger_zones"]).graph.edges
+        hazard = made(lengths=(4, 9, 4, 3), **OPTIONS["hazard"]).graph.edges
         assert zone["dock", "lab"]["survival"] == pytest.approx(math.exp(-0.5 * 2))
         assert zone["lab", "hall"]["survival"] == hazard["roof", "dock"]["survival"] == 1
-        assert hazard["lab", "hall"]["survival"] == pytest.approx(math.exp(-0.3))
-        both = arcs(both_ways=True, **DANGER)
-        assert both["lab", "dock"] == both["dock", "lab"]
-        seen = in_tables(base="dock", robots=1, **OPTIONS["interest"]).rewards
+        # Also along an arc that is longer than its ends are apart.
+        assert hazard["lab", "hall"]["survival"] == pytest.approx(math.exp(-0.1 * 9))
+        # Of the black cells, where x >= 4, only lab and hall at x = 5 see some.
+        seen = made(**OPTIONS["interest"]).rewards
         assert seen[0] == seen[3] == 0 < seen[1]
-        assert in_tables(base="dock", robots=1, reward=2, **DANGER).rewards.tolist() == [0, 2, 2, 2]
 
     FAULTS = (
         ({"base": None}, "base"),
@@ -250,8 +235,6 @@ class TestOptions:
         ({"danger": None}, r"expected a survival, found none \(4 without one\): give danger"),
         ({"base": "deck"}, "base 'deck': no such node; most alike are dock"),
         ({"base": [3, {}]}, r"expected a label, a string, a number, .* got {}"),
-        ({"robots": 0}, r"xpected robots (to be an integer )?>= 1, got 0"),
-        ({"pays": "never"}, "pays to be 'arrival' or 'return'"),
         ({"sight": 1}, "expected interest, a map, and sight"),
         ({"danger_zones": 3}, "danger_zones to be a list"),
         ({"hazard": "no.yaml"}, r"no\.yaml: no such"),
@@ -261,10 +244,6 @@ class TestOptions:
         ({"danger": 200}, "200.* 4"),
         ({"danger": -1}, "Expected danger >= 0, got -1"),
         ({"kinds": [{"name": "drone"}]}, "kind 'drone': expected robots to be an integer"),
-        ({"kinds": [Kind("drone", 2)], "robots": 3}, "robots to be 2, the robots of all kinds"),
-        ({"kinds": [Kind("drone", 1, aboard=5)]}, "'drone': expected aboard to be a list of nodes"),
-        ({"kinds": [Kind("drone", 1, start="labb")]}, "start 'labb': no such node; .*lab"),
-        ({"kinds": [{"name": "a", "start": {}}]}, "expected a label, a string, a number"),
     )
 
     @pytest.mark.parametrize(
@@ -307,10 +286,8 @@ class TestOptions:
             (["7", "8"], 7, "7"),
             ([7, 1000, 0.5], "007", 7),
             ([7, 1000, 0.5], "1e3", 1000),
-            ([7, "7"], "7", "7"),
-            ([7, "7"], 7, 7),
-            ([[0, 1], [1, 0]], "[0, 1]", (0, 1)),
-            ([[0, 1], [1, 0]], "(1, 0)", (1, 0)),
+            *(([7, "7"], typed, typed) for typed in (7, "7")),
+            *(([[0, 1], [1, 0]], typed, (1, 0)) for typed in ("[1, 0]", "(1, 0)")),
             ([True, "b"], "true", True),
             (["true", "b"], True, "true"),
         ],
@@ -333,7 +310,7 @@ class TestOptions:
 class TestAttributes:
     @pytest.mark.parametrize("suffix", [".json", ".graphml"])
     def test_that_are_texts_or_in_upper_case_are_read(self, site, suffix):
-        content = ring(["a", "b"], base="a", robots="2", max_length="99.5")
+        content = ring(["a", "b"], base="a", robots="2", max_length="99.5", geographic="no")
         content["nodes"][1] |= {"share": "0.5", "DEPOT": "yes", "pays": "Return"}
         path = site / f"site{suffix}"
         if suffix == ".json":
@@ -342,7 +319,8 @@ class TestAttributes:
         else:
             nx.write_graphml(nx.node_link_graph(content, edges="edges"), path)
         mission = load_mission(path)
-        assert (mission.robots, mission.max_length, mission.total_reward) == (2, 99.5, 1)
+        assert (mission.name, mission.robots, mission.max_length) == ("site", 2, 99.5)
+        assert mission.graph.graph["geographic"] is False
         assert mission.graph.edges["a", "b"] == {"survival": 0.5, "length": 10}
         node = {"reward": 1, "share": 0.5, "depot": True, "pays": "return"}
         assert mission.graph.nodes["b"] == node
@@ -352,10 +330,11 @@ class TestAttributes:
         graph = nx.Graph([("a", "b")], base="a", robots=1)
         nx.set_node_attributes(graph, {"a": 0, "b": 2}, "reward")
         nx.set_edge_attributes(graph, 0.5, "survival")
-        is_json, path = suffix == ".json", site / f"site{suffix}"
-        written(path, nx.node_link_data(graph, edges="edges")) if is_json else nx.write_graphml(
-            graph, path
-        )
+        path = site / f"site{suffix}"
+        if suffix == ".json":
+            written(path, nx.node_link_data(graph, edges="edges"))
+        else:
+            nx.write_graphml(graph, path)
         expected = "expected directed arcs, found undirected edges: give both_ways"
         with pytest.raises(MissionError, match=expected):
             load_mission(path)
@@ -385,17 +364,6 @@ class TestAttributes:
         with pytest.raises(MissionError, match=r"node 'b': expected pos \[x, y\], found none"):
             load_mission("site.json", interest="map.yaml", sight=1, **DANGER)
 
-    @pytest.mark.parametrize(("said", "length"), [("yes", 111_195), ("no", 1)])
-    def test_say_whether_positions_are_geographic(self, site, said, length):
-        content = ring(["a", "b"], base="a", robots=1, geographic=said)
-        for node, x in zip(content["nodes"], (0, 1), strict=True):
-            node["pos"] = [x, 0]
-        for arc in content["edges"]:
-            del arc["survival"], arc["length"]
-        written(site / "site.json", content)
-        lengths = load_mission("site.json", danger=1e-9).world.graph.length
-        assert lengths == pytest.approx([length, length], rel=1e-3)
-
 
 numbers = st.integers() | st.floats(allow_nan=False, allow_infinity=False)
 scalars = numbers | st.text() | st.booleans()
@@ -411,9 +379,7 @@ xml_text = st.text(
 )
 xml_values = numbers | st.booleans() | xml_text
 # Among them some that Nav2 reads, as numbers or texts.
-NAMES = st.sampled_from(
-    ["zone", "startid", "ключ", "label", "metadata", "frame", "cost", "penalty"]
-)
+NAMES = st.sampled_from(["zone", "startid", "ключ", "label", "frame", "cost", "penalty"])
 
 
 @st.composite
@@ -431,21 +397,13 @@ def any_missions(draw, labels, values, is_placed):
     for node in graph if is_placed or draw(st.booleans()) else ():
         graph.nodes[node]["pos"] = draw(st.lists(numbers, min_size=2, max_size=2))
     named = dict(zip(mission.nodes, new, strict=True))
-    kinds = [
-        Kind(
-            **vars(kind)
-            | {"start": named.get(kind.start), "end": named.get(kind.end)}
-            | {"aboard": tuple(map(named.get, kind.aboard))}
-        )
-        for kind in mission.kinds
-    ]
-    given = {
-        "base": new[0],
-        "kinds": kinds,
-        "pays": mission.pays,
-        "name": draw(xml_text.filter(bool)),
-    }
-    return Mission(nx.relabel_nodes(graph, named), **given)
+    kinds = []
+    for kind in mission.kinds:
+        ends = {"start": named.get(kind.start), "end": named.get(kind.end)}
+        aboard = tuple(map(named.get, kind.aboard))
+        kinds.append(Kind(**vars(kind) | ends | {"aboard": aboard}))
+    own = {"pays": mission.pays, "name": draw(xml_text.filter(bool))}
+    return Mission(nx.relabel_nodes(graph, named), base=new[0], kinds=kinds, **own)
 
 
 def attributes_of(mission):
@@ -479,9 +437,7 @@ class TestWritten:
         mission = read_mission(DATA / "pier.json")
         pier = ("pier", (1, True))
         assert (mission.nodes, mission.base, mission.robots) == ((pier, "môle", 3), pier, 2)
-        assert (mission.name, mission.title) == ("pier", "A pier, its mole and two boats")
-        assert mission.rewards.tolist() == [0, 2.5, 1]
-        assert mission.world.graph.survival.tolist() == [0.9, 1, 0.8]
+        assert mission.title == "A pier, its mole and two boats"
         assert mission.graph.edges[pier, "môle"]["dangers"] == 1
         save_mission(mission, str(tmp_path / "Pier.JSON"))
         assert (tmp_path / "Pier.JSON").read_bytes() == (DATA / "pier.json").read_bytes()
@@ -491,9 +447,10 @@ class TestWritten:
     def test_is_what_the_mission_says_not_its_graph(self, site):
         graph = team_site(graph={"kinds": [{"name": "rover", "robots": 9}], "pays": "return"})
         graph.graph |= {"base": "roof", "robots": 9, "name": "old", "title": "A site"}
-        kinds = [Kind("drone", np.int64(2), start="roof", max_length=Fraction(5, 2))]
-        kinds.append(Kind("rover", 1))
-        mission = Mission(graph, base="dock", kinds=kinds, pays="arrival", name="new")
+        drone = Kind("drone", np.int64(2), start="roof", max_length=Fraction(5, 2))
+        mission = Mission(
+            graph, base="dock", kinds=[drone, Kind("rover", 1)], pays="arrival", name="new"
+        )
         save_mission(mission, "site.json")
         assert json.loads(Path("site.json").read_text())["graph"] == {
             "name": "new",
@@ -506,14 +463,6 @@ class TestWritten:
             "pays": "arrival",
         }
         assert read_mission("site.json") == mission
-
-    def test_is_named_by_its_title_or_its_file(self, site):
-        save_mission(
-            Mission(graph_of({"a": {"reward": 1}}, title="A pier"), base="a", robots=1), "x.json"
-        )
-        assert (read_mission("x.json").name, read_mission("x.json").title) == ("A pier", "A pier")
-        written(site / "harbour.json", ring(["a", "b"], base="a", robots=1))
-        assert read_mission("harbour.json").name == "harbour"
 
     @pytest.mark.parametrize("suffix", WRITTEN)
     def test_holds_numbers_of_other_types_as_plain_ones(self, tmp_path, suffix):
@@ -528,20 +477,21 @@ class TestWritten:
         assert read == mission
         assert read.graph.nodes["a"] == {"reward": 3, "pos": [0.5, 1.0], "seen": True}
         assert read.graph.nodes["b"]["pos"] == [1, 2]
-        if suffix == ".json":
-            labels = (np.int64(1), np.float64(0.5), (np.int8(3), np.str_("x")), np.bool_(False))
-            nodes = {label: {"reward": 1} for label in labels}
-            arcs = [(labels[0], v) for v in labels[1:]] + [(v, labels[0]) for v in labels[1:]]
-            mission = Mission(graph_of(nodes, arcs, survival=0.5), base=1, robots=1)
-            save_mission(mission, tmp_path / "x.json")
-            read = read_mission(tmp_path / "x.json")
-            assert (read, [*map(type, read.nodes)]) == (mission, [int, float, tuple, bool])
+
+    def test_holds_labels_of_other_types_as_plain_ones(self, tmp_path):
+        labels = (np.int64(1), np.float64(0.5), (np.int8(3), np.str_("x")), np.bool_(False))
+        graph = nx.cycle_graph(labels, nx.DiGraph)
+        nx.set_node_attributes(graph, 1, "reward")
+        nx.set_edge_attributes(graph, 0.5, "survival")
+        mission = Mission(graph, base=1, robots=1)
+        save_mission(mission, tmp_path / "x.json")
+        read = read_mission(tmp_path / "x.json")
+        assert (read, [*map(type, read.nodes)]) == (mission, [int, float, tuple, bool])
 
     @pytest.mark.parametrize(
         ("suffix", "label", "changes", "words"),
         [
             (".json", b"x", {}, "Node b'x' cannot be saved"),
-            (".json", math.nan, {}, "Node nan cannot be saved"),
             (".json", Fraction(1, 3), {}, "Node Fraction(1, 3) cannot be saved"),
             (".json", "a", {"when": date(2025, 1, 1)}, "cannot be saved: JSON has no date"),
             (".json", "a", {"id": 1}, "'id' is the name of a label"),
@@ -553,7 +503,8 @@ class TestWritten:
         ],
     )
     def test_is_nothing_that_a_format_cannot_hold(self, tmp_path, suffix, label, changes, words):
-        graph = graph_of({label: {"reward": 1, **changes}})
+        graph = nx.DiGraph()
+        graph.add_node(label, reward=1, **changes)
         with pytest.raises(ValueError, match=re.escape(words)) as caught:
             save_mission(Mission(graph, base=label, robots=1), tmp_path / f"x{suffix}")
         assert str(tmp_path) in str(caught.value)
@@ -615,7 +566,6 @@ REFUSED = [
     ("x.json", '{"nodes": [{"id": 1, "id": 2}]}', "each key of an object once, found 'id' twice"),
     ("x.json", two(multigraph=True), "expected at most one arc from a node to another"),
     ("x.json", two([7]), "nodes[0]: expected an object with id, got 7"),
-    ("x.json", two([{"reward": 1}]), "nodes[0]: expected an object with id, got {'reward': 1}"),
     ("x.json", two([{"id": {}}]), "nodes[0]: expected a label, a string, a number, a boolean"),
     ("x.json", two(edges=[{"source": 1}]), "edges[0]: expected an object with source and target"),
     ("x.json", two(edges=[AB]), "'b': has no way back to base 'a'", "no arc leads back; both_ways"),
@@ -635,45 +585,24 @@ REFUSED = [
         "edges[3]: arc 'y' -> 'x': there is no node 'x'",
         "arc 'b' -> 'a': expected survival in (0, 1], got 2",
     ),
-    (
-        "x.json",
-        two([A, B | {"reward": math.nan}], [AB, BA | {"survival": math.inf}]),
-        "node 'b': expected a finite reward >= 0, got nan",
-        "arc 'b' -> 'a': expected survival in (0, 1], got inf",
-    ),
     ("x.json", two([A | {"h": math.nan}], []), "node 'a': {'reward': 0, 'h': nan} cannot be saved"),
     ("x.json", two(graph={}), "expected robots, an integer >= 1", "expected base, the label"),
-    ("x.json", two(graph={"base": "a", "kinds": {"name": "a"}}), "kinds to be a list of kinds"),
     ("x.graphml", "", "no element found: line 1, column 0"),
-    ("x.graphml", "<svg/>", "expected GraphML with one directed graph, found 0 graphs"),
     ("x.graphml", graphml(TWO + "</graph><graph>"), "with one directed graph, found 2 graphs"),
     ("x.graphml", graphml(TWO, edgedefault="undirected"), "expected directed arcs, found undirec"),
     ("x.graphml", graphml(TWO.replace(">1<", ">a<")), "node 'b': expected 'reward' of type double"),
     ("x.graphml", graphml(TWO.replace('"s">0.5', '"z">0.5')), "'b': there is no key 'z'", "surv"),
     ("x.graphml", graphml(TWO + '<edge source="a" target="z"/>'), "survival", "no node 'z'"),
     ("x.graphml", graphml(TWO + "<node/>"), "node None: expected id, found none"),
-    ("x.graphml", graphml(TWO + '<node id="a"/>'), "node 'a' is listed more than once"),
     ("x.graphml", graphml(TWO + "<hyperedge/>"), "expected edges only, found a hyperedge"),
     ("x.graphml", typed("int", "5.0"), *[": expected 'danger' of type int, got '5.0'"] * 2),
-    ("x.graphml", typed("long", "1e3"), *[": expected 'danger' of type long, got '1e3'"] * 2),
-    ("x.graphml", typed("double", "five"), *["expected 'danger' of type double, got 'five'"] * 2),
-    ("x.graphml", typed("boolean", "maybe"), *["'danger' of type boolean, got 'maybe'"] * 2),
     ("x.graphml", typed("decimal", "5"), *["of type 'decimal', one of int, integer, long"] * 2),
-    ("x.geojson", "[]", "expected GeoJSON with a list of features, got []"),
     ("x.geojson", "{", "line 1: not valid JSON: the file is empty or ends too early"),
     ("x.json", "\n", "line 2: not valid JSON: the file is empty or ends too early"),
-    ("x.json", '{"directed', "line 1: not valid JSON: the file is empty or ends too early"),
     ("x.geojson", {"features": 3}, "expected GeoJSON with a list of features"),
     ("x.geojson", {"features": [], "mission": 3}, "expected mission to be an object, got 3"),
+    ("x.txt", "n five\nm 1\ntmax 2", "line 1: expected 'n' and a number, got 'n five'"),
     ("x.txt", "", *(f"the end: expected '{key}' and a number" for key in ("n", "m", "tmax"))),
-    ("x.txt", "85 1\n", "line 1: expected 'n' and a number, got '85 1'", "'m'", "'tmax'"),
-    (
-        "x.txt",
-        "n five\n\nk 3\n",
-        "line 1: expected 'n' and a number, got 'n five'",
-        "line 3: expected 'm' and a number, got 'k 3'",
-        "the end: expected 'tmax' and a number, got ''",
-    ),
     (
         "x.txt",
         "n 4\nm 3\ntmax 9\n\n0 0\n1 2 three\n1 2 3\n1 2 3 0 4\n1 inf 3",
@@ -700,17 +629,11 @@ class TestRefused:
         assert len(caught.value.faults) == len(words), caught.value
         assert all(map(str.__contains__, caught.value.faults, words)), caught.value
 
-    @pytest.mark.parametrize("suffix", [*suffixes(), ".GraphML"])
-    def test_a_file_that_is_not_there(self, tmp_path, suffix):
-        path = tmp_path / f"lost{suffix}"
-        for read, error in ((format_of, ValueError), (read_mission, MissionError)):
-            with pytest.raises(error, match=re.escape(f"{path}: no such file")):
-                read(path)
-
-    def test_a_suffix_that_no_format_has(self, tmp_path):
-        path = written(tmp_path / "survey.plan", {"fileType": "Plan"})
-        with pytest.raises(MissionError, match=r"one of .*\.json.*; found the suffix '\.plan'"):
-            read_mission(path)
+    def test_a_file_that_is_not_there(self, tmp_path):
+        for path in (tmp_path / f"lost{suffix}" for suffix in (*suffixes(), ".GraphML")):
+            for read, error in ((format_of, ValueError), (read_mission, MissionError)):
+                with pytest.raises(error, match=re.escape(f"{path}: no such file")):
+                    read(path)
 
     @given(suffix=st.sampled_from(suffixes()), data=st.binary())
     def test_any_bytes_at_all(self, tmp_path_factory, suffix, data):
@@ -732,12 +655,8 @@ class TestGraphML:
         mission = read_mission(written(tmp_path / "gephi.graphml", text))
         assert (mission.base, mission.robots, mission.name) == ("1", 2, "gephi")
         assert mission.graph.nodes["1"] == {"reward": 0.0, "label": "dock", "pos": [-3.5, 2.0]}
-        assert mission.graph.nodes["2"] == {
-            "reward": 5.0,
-            "visited": True,
-            "r": 153,
-            "label": "Reef",
-        }
+        drawn = {"reward": 5.0, "visited": True, "r": 153, "label": "Reef"}
+        assert mission.graph.nodes["2"] == drawn
         assert mission.world.graph.survival.tolist() == [0.9, 0.8]
         other = read_mission(tmp_path / "gephi.graphml", base="Reef")
         assert (other.base, other.rewards.tolist()) == ("2", [0, 5])  # 0 is the default of nodes

@@ -1,7 +1,4 @@
-"""One contract of all generators, and what is special about each.
-
-The numbers of seed zero hold each distribution: with other ones, the sums would differ.
-"""
+"""One contract of all generators, and what is special about each."""
 
 import math
 import re
@@ -15,10 +12,9 @@ from hypothesis import strategies as st
 
 from botohe_moo import Kind
 from botohe_moo.mission import generators
-from tests.examples import examples
 
 # What seed 0 gives on any platform: robots, nodes, arcs, base, total reward, and the sums of the
-# survivals and lengths.
+# survivals and lengths. Other distributions would have other sums.
 SEED_ZERO = {
     "two_communities": (2, 21, 74, 0, 46.4059, 54.8892, 74),
     "random": (3, 20, 100, 0, 11.7952, 51.6377, 100),
@@ -41,17 +37,6 @@ def passages(graph):
     """What arcs hold, there and back, of every passage."""
     edges = graph.edges
     return [(edges[u, v], edges[v, u]) for u, v in edges if u < v]
-
-
-def survivals(mission):
-    """Survivals there and back of every passage (n_passages, 2)."""
-    return np.array([[arc["survival"] for arc in both] for both in passages(mission.graph)])
-
-
-def assert_fills(values, low, high, margin):
-    """Assert that values are in [low, high), and come close to both bounds."""
-    assert low <= min(values) < low + margin
-    assert high - margin < max(values) < high
 
 
 class TestEvery:
@@ -87,23 +72,17 @@ class TestEvery:
         assert (mission.balanced, 2 * len(alike)) == (True, len(graph.edges))
         assert np.mean(alike) < 0.1 if name in EACH_WAY_ITS_OWN else all(alike)
 
-    @pytest.mark.parametrize("nodes", [2, 40])
     @pytest.mark.parametrize("name", SIZED)
-    def test_size(self, name, nodes):
-        generate = getattr(generators, name)
-        mission = generate(nodes=nodes, seed=1)
-        assert mission.nodes == tuple(range(nodes))
-        assert generate(nodes=np.int64(nodes), seed=1) == mission
+    def test_size(self, name):
+        for nodes in (2, 40):
+            mission = getattr(generators, name)(nodes=nodes, seed=1)
+            assert mission.nodes == tuple(range(nodes))
 
     @pytest.mark.parametrize(
         ("name", "parameters", "message"),
         [
             ("terrain", {"nodes": 9, "depots": 9}, "Expected depots < 9 nodes, got 9."),
-            (
-                "random",
-                {"nodes": 30, "arc_probability": 0.01},
-                "Expected arc_probability > 0.17 for 30 nodes, got 0.01.",
-            ),
+            ("random", {"nodes": 30, "arc_probability": 0.01}, "> 0.17 for 30 nodes, got 0.01."),
             ("town", {"streets": 3}, "Expected streets to be a multiple of 2, got 3."),
             ("building", {"robots": 3, "wheeled": 3}, "Expected wheeled < 3 robots, got 3."),
             ("orienteering", {"tour": math.inf}, "tour to be a finite number > 0, got inf."),
@@ -118,28 +97,12 @@ def test_two_communities_are_tied_to_the_base():
     graph = generators.two_communities().graph
     zones = [zone for _, zone in graph.nodes(data="zone")]
     assert zones == ["base"] + ["community 1"] * 12 + ["community 2"] * 8
-    assert sorted(graph[0]) == [1, 13]
+    assert dict(graph[0]) == {1: {"survival": 1}, 13: {"survival": 1}}
     away = [math.dist(graph.nodes[v]["pos"], (0.2 if v < 13 else 0.8, 0.5)) for v in range(1, 21)]
     assert away == pytest.approx([0.2] * 20, abs=1e-3)
-    assert [arc["survival"] for *_, arc in graph.edges(0, data=True)] == [1, 1]
-
-
-def test_numbers_out_of_their_range_are_drawn_again():
-    """If they were moved to the bound, more than a tenth would be there."""
-    mission = generators.complete(nodes=60)
-    assert (survivals(mission) == 1).mean() < 0.005
-    assert (mission.rewards[1:] == 0).mean() < 0.05
-    assert survivals(mission).min() > 0
 
 
 class TestTerrain:
-    def test_has_as_many_arcs_a_node_at_every_size(self):
-        for nodes in (200, 500):
-            mission = generators.terrain(nodes=nodes)
-            assert 6.4 < mission.world.graph.n_arcs / nodes < 7.3
-        pos = dict(mission.graph.nodes(data="pos"))
-        assert mission.base == min(pos, key=lambda node: math.dist(pos[node], (0.5, 0.5)))
-
     @given(seeds, st.integers(2, 60))
     def test_near_waypoints_have_passages_and_the_nearest_parts_are_joined(self, seed, nodes):
         mission = generators.terrain(nodes=nodes, seed=seed)
@@ -234,25 +197,6 @@ class TestBuilding:
             assert abs(pos[tail][1] - pos[head][1]) == 20
             assert graph.nodes[tail]["reward"] == graph.nodes[head]["reward"] == 0
 
-    def test_numbers(self):
-        """Of rooms on higher floors, and of the four kinds of passages."""
-        floors, doors = 40, 8
-        graph = generators.building(floors=floors, doors=doors).graph
-        floor = {node: int(zone.split()[1]) for node, zone in graph.nodes(data="zone")}
-        place = {node: "room" if pos[1] % 20 else "hall" for node, pos in graph.nodes(data="pos")}
-        rewards = dict(graph.nodes(data="reward"))
-        on_ground = [rewards[v] / (1 + floor[v] / 2) for v in graph if place[v] == "room"]
-        assert_fills(on_ground, 0.2, 1, 0.01)
-        found = {}
-        for u, v, survival in graph.edges(data="survival"):
-            way = " ".join(sorted([place[u], place[v]])) if floor[u] == floor[v] else "stairs"
-            found.setdefault(way, []).append(survival)
-        bounds = {"stairs": (0.92, 0.97), "hall hall": (0.97, 1), "hall room": (0.9, 0.99)}
-        for way, (low, high) in (bounds | {"room room": (0.9, 0.99)}).items():
-            assert_fills(found[way], low, high, 0.01)
-        pairs = 2 * floors * (doors - 1)
-        assert len(found["room room"]) == pytest.approx(2 * pairs / 3, rel=0.15)
-
     def test_wheeled_robots_cannot_take_stairs(self):
         plain, mission = generators.building(robots=4), generators.building(robots=4, wheeled=1)
         assert mission.kinds == (Kind("walking", 3), Kind("wheeled", 1))
@@ -264,23 +208,11 @@ class TestBuilding:
             assert found == (by_kind if zones[tail] != zones[head] else survival)
 
 
-class TestOrienteering:
-    @examples(40)
-    @given(seeds, st.integers(2, 20))
-    def test_all_arcs_are_as_long_as_points_are_apart(self, seed, nodes):
-        mission = generators.orienteering(nodes=nodes, seed=seed)
-        pos = dict(mission.graph.nodes(data="pos"))
-        assert mission.graph.number_of_edges() == nodes * (nodes - 1)
-        for tail, head, arc in mission.graph.edges(data=True):
-            distance = math.dist(pos[tail], pos[head])
-            assert arc["length"] == pytest.approx(distance, abs=1e-4)
-            assert arc["survival"] == pytest.approx(math.exp(-distance / 100), abs=1e-4)
-
-    def test_budget(self):
-        """A tour of 100 points in a square of side 100 is some 712.4 long; 40 % for 4 robots."""
-        mission = generators.orienteering(nodes=100, robots=4, tour=0.4)
-        assert mission.max_length == 71.2
-        assert mission.title == "Orienteering with 100 points, budget 71.2, seed 0"
+def test_the_budget_of_orienteering():
+    """A tour of 100 points in a square of side 100 is some 712.4 long; 40 % for 4 robots."""
+    mission = generators.orienteering(nodes=100, robots=4, tour=0.4)
+    assert mission.max_length == 71.2
+    assert mission.title == "Orienteering with 100 points, budget 71.2, seed 0"
 
 
 @given(seeds)

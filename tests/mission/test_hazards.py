@@ -70,26 +70,13 @@ def test_the_integral_is_exact(values, resolution, origin, ends):
     assert found["a", "b"] == pytest.approx(survival, abs=1e-9)
 
 
-def test_rows_are_those_of_an_image_by_hand():
-    """A danger in the upper left cell of 2 x 2; lines through the middle of cells."""
-    values = [[1, 0], [0, 0]]
-    # Along the upper cells: 1 for half a cell, then falling to 0 over a cell.
-    upper = survival_from_raster(one_arc((0, 3), (4, 3)), values, resolution=2, scale=0.1)
-    assert upper["a", "b"] == pytest.approx(math.exp(-0.1 * (1 + 1)))
-    lower = survival_from_raster(one_arc((0, 1), (4, 1)), values, resolution=2, scale=0.1)
-    assert lower["a", "b"] == 1.0
-
-
 @pytest.mark.parametrize(
     ("place", "given", "fault"),
     [
         ((0, 5), {}, r"expected a map that covers \[0.0, 5.0\], but it goes from .* to \[2.0, 2"),
         (None, {}, "Node 'b': expected pos .*, got None"),
         ((1, "x"), {}, "Node 'b': expected pos"),
-        ((1, math.nan), {}, "Node 'b': expected pos"),
-        ((1, 1, 1), {}, "Node 'b': expected pos"),
         ((1, 1), {"values": [1, 2]}, r"a table \(n_rows, n_columns\) of .*, got \[1, 2\]"),
-        ((1, 1), {"values": []}, r"a table \(n_rows, n_columns\) of .*, got \[\]"),
         ((1, 1), {"values": [[1], [2, 3]]}, r"values to be a table .*, got \[\[1\], \[2, 3"),
         ((1, 1), {"values": [[1, -2]]}, "table .* of finite numbers >= 0, got -2.0"),
         ((1, 1), {"values": [[math.inf]]}, r"table .* of finite numbers >= 0, got \[\[inf\]\]"),
@@ -116,10 +103,9 @@ def test_what_there_is_to_see_by_hand():
     # The cell between both is at the same distance from them: the reach of both ends at it.
     far = rewards_from_raster(placed((1, 1), (6, 1)), values, resolution=2, radius=2, scale=0.5)
     assert far == {0: 2 * (8 + 1 + 2), 1: 2 * (4 + 0.5)}
-    moved = rewards_from_raster(
-        placed((11, -4), (99, 9)), values, resolution=2, radius=1, origin=(10, -5)
-    )
-    assert moved == {0: 4 * 1, 1: 0.0}
+    moved = placed((11, -4), (99, 9))
+    found = rewards_from_raster(moved, values, resolution=2, radius=1, origin=(10, -5))
+    assert found == {0: 4 * 1, 1: 0.0}
 
 
 @given(
@@ -146,10 +132,7 @@ def within(start, end, **zone):
     ("zone", "start", "end", "length"),
     [
         ({"polygon": SQUARE}, (0, 2), (4, 2), 2),
-        ({"polygon": SQUARE}, (0, 2), (2, 2), 1),
         ({"polygon": SQUARE}, (0, 0), (4, 4), math.sqrt(8)),  # through two corners
-        ({"polygon": SQUARE}, (1.5, 2), (2, 2), 0.5),
-        ({"polygon": SQUARE}, (0, 0), (4, 0), 0),
         ({"polygon": [*SQUARE, SQUARE[0]]}, (0, 2), (4, 2), 2),
         ({"polygon": [SQUARE, HOLE]}, (0, 2), (4, 2), 1),
         ({"polygon": [SQUARE[::-1], HOLE]}, (2, 0), (2, 9), 1),
@@ -157,11 +140,8 @@ def within(start, end, **zone):
         ({"polygon": HOOK}, (-1, 0.5), (9, 0.5), 3),
         ({"polygon": [[*corner, 7.5] for corner in SQUARE]}, (0, 2), (4, 2), 2),
         ({"circle": [2, 2, 1]}, (0, 2), (4, 2), 2),
-        ({"circle": [2, 2, 1]}, (2, 2), (4, 2), 1),
         ({"circle": [2, 2, 1]}, (2.1, 2), (2.6, 2), 0.5),
         ({"circle": [2, 2, 1]}, (0, 2.6), (4, 2.6), 1.6),
-        ({"circle": [2, 2, 1]}, (0, 0), (4, 0), 0),
-        ({"circle": [2, 2, 1]}, (2, 2), (2, 2), 0),
     ],
 )
 def test_zones_by_hand(zone, start, end, length):
@@ -204,11 +184,11 @@ def test_circles_are_polygons_of_many_corners(circle, ends):
     assert found == pytest.approx(in_convex(corners, start, end), abs=0.02)
 
 
-@pytest.mark.parametrize("zone", [{"circle": [2, 2, 1]}, {"polygon": SQUARE}])
-def test_a_lift_is_in_a_zone_or_not(zone):
+def test_a_lift_is_in_a_zone_or_not():
     """Its line is a point on the map; what it is long is an attribute."""
-    share = read_zone({"rate": 1, **zone}).share
-    assert [share(*np.array([place, place])) for place in ([2.5, 2.5], [3.5, 2.5])] == [1, 0]
+    for zone in ({"circle": [2, 2, 1]}, {"polygon": SQUARE}):
+        share = read_zone({"rate": 1, **zone}).share
+        assert [share(*np.array([place, place])) for place in ([2.5, 2.5], [3.5, 2.5])] == [1, 0]
 
 
 def test_rates_add_up():
@@ -221,19 +201,13 @@ def test_rates_add_up():
     ("zone", "fault"),
     [
         (7, r"zones\[0\]: expected an object with rate, and circle or polygon, got 7"),
-        ({"rate": 1}, "expected an object with rate, and circle or polygon"),
         ({"rate": 1, "circle": [0, 0, 1], "polygon": SQUARE}, "circle or polygon"),
-        ({"circle": [0, 0, 1]}, "expected a rate >= 0, got None"),
         ({"circle": [0, 0, 1], "rate": -1}, "expected a rate >= 0, got -1"),
         ({"circle": [0, 0, 1], "rate": math.inf}, "expected a rate >= 0, got inf"),
         ({"circle": [0, 0], "rate": 1}, r"expected a circle \[x, y, radius\], radius > 0, got"),
-        ({"circle": [0, 0, math.nan], "rate": 1}, "expected a circle"),
         ({"circle": "wide", "rate": 1}, "expected a circle"),
         ({"polygon": SQUARE[:2], "rate": 1}, "expected a polygon of at least three corners"),
-        ({"polygon": 7, "rate": 1}, "expected a polygon of at least three corners"),
-        ({"polygon": [], "rate": 1}, "expected a polygon of at least three corners"),
         ({"polygon": [SQUARE, [[0, 0]]], "rate": 1}, "expected a polygon of at least three"),
-        ({"polygon": [[1], [2], [3]], "rate": 1}, "expected a polygon of at least three"),
         ({"polygon": [[0, 0], [1, "x"], [1, 1]], "rate": 1}, "expected a polygon"),
     ],
 )
@@ -243,14 +217,16 @@ def test_wrong_zones_are_named(zone, fault):
 
 
 def test_graphs_and_places_are_needed():
+    arc = one_arc((0, 0), (1, 1))
     with pytest.raises(TypeError, match=r"Expected graph to be an nx\.DiGraph, got 7"):
         survival_from_raster(7, [[1]], resolution=1)
-    with pytest.raises(ValueError, match=r"Node 'a': expected pos \(x, y\), got None"):
-        survival_from_zones(nx.DiGraph([("a", "b")]), [])
-    with pytest.raises(ValueError, match="Expected danger >= 0, got -1"):
-        survival_from_zones(one_arc((0, 0), (1, 1)), [], danger=-1)
-    with pytest.raises(ValueError, match="Expected zones to be a list, got 7"):
-        survival_from_zones(one_arc((0, 0), (1, 1)), 7)
+    for graph, zones, options, fault in (
+        (nx.DiGraph([("a", "b")]), [], {}, r"Node 'a': expected pos \(x, y\), got None"),
+        (arc, [], {"danger": -1}, "Expected danger >= 0, got -1"),
+        (arc, 7, {}, "Expected zones to be a list, got 7"),
+    ):
+        with pytest.raises(ValueError, match=fault):
+            survival_from_zones(graph, zones, **options)
 
 
 SMALL = r"expected survival >= 5e-324, so danger \* length <= 744, got 5 \* 200 = 1000\."

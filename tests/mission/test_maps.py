@@ -17,11 +17,9 @@ from scipy.ndimage import distance_transform_edt
 from botohe_moo import Mission, MissionError, load_mission, roadmap_from_map, save_mission
 from botohe_moo.mission.formats.maps import FREE, MODES, OCCUPIED, UNKNOWN, read_raster
 from tests.examples import examples
-from tests.mission.test_routes import both_ways, line, site  # noqa: F401 - a fixture
-from tests.test_damaged_files import changed, check_message
+from tests.test_damaged_files import changed, read_or_refused
 
 HAZARD = {"image": "map.png", "mode": "scale", "resolution": 0.5, "origin": [-1, 2, 0], "negate": 0}
-AT_THE_SITE = {"origin": [-1, -1]}  # of which the points of the route graph lie in the middle
 WHITE, GREY, CLEAR = 254, 205, [0, 0, 0, 0]  # grey 205: unknown, by those who save maps
 
 
@@ -31,9 +29,8 @@ def drawn(tmp_path):
 
     def write(pixels, *, kind=np.uint8, save=(), usual=HAZARD, **keys):
         content = {**usual, **keys}
-        image = (
-            pixels if isinstance(pixels, Image.Image) else Image.fromarray(np.array(pixels, kind))
-        )
+        is_image = isinstance(pixels, Image.Image)
+        image = pixels if is_image else Image.fromarray(np.array(pixels, kind))
         image.save(tmp_path / content["image"], **dict(save))
         path = tmp_path / "map.yaml"
         # A key a line, so that faults are named by their lines.
@@ -43,15 +40,11 @@ def drawn(tmp_path):
     return write
 
 
-def values(path, **options):
-    return read_raster(path, **options).values.tolist()
-
-
-@pytest.mark.parametrize("image", ["map.png", "map.pgm"])
-def test_the_first_row_is_at_the_top(drawn, image):
-    raster = read_raster(drawn([[0, 255, 51], [0, 0, 255]], image=image))
-    assert raster.values.tolist() == [pytest.approx([1.0, 0.0, 0.8]), [1.0, 1.0, 0.0]]
-    assert (raster.resolution, raster.origin) == (0.5, (-1.0, 2.0))
+def test_the_first_row_is_at_the_top(drawn):
+    for image in ("map.png", "map.pgm"):
+        raster = read_raster(drawn([[0, 255, 51], [0, 0, 255]], image=image))
+        assert raster.values.tolist() == [pytest.approx([1.0, 0.0, 0.8]), [1.0, 1.0, 0.0]]
+        assert (raster.resolution, raster.origin) == (0.5, (-1.0, 2.0))
 
 
 def palette(*greys):
@@ -61,50 +54,40 @@ def palette(*greys):
     return image
 
 
-@pytest.mark.parametrize(
-    ("pixels", "given", "expected"),
-    [
-        ([[0, 65_535]], {"kind": np.uint16}, [1, 0]),
-        ([[[255, 255, 255], [0, 0, 0], [255, 0, 0]]], {}, [0, 1, pytest.approx(2 / 3)]),
-        (palette(255, 0), {}, [0, 1]),
-        ([[0, 255]], {"mode": "Scale", "negate": "no"}, [1, 0]),
-        *(([[0, 255, 51]], {"negate": yes}, [0, 1, 0.2]) for yes in (1, True, "yes")),
-        ([[0, 255]], {"origin": [-1, 2, 0.0], "frame_id": "map", "voxels": {"a": 1}}, [1, 0]),
-        # The plain scale, as in the tutorial of Nav2's speed filter.
-        ([[0, 255, 51]], {"free_thresh": 0.0, "occupied_thresh": 1.0}, [1, 0, 0.8]),
-        # Shares 1, 0.8, 0.6, 0.4, 0.2 and 0, on a scale from 0.2 to 0.6.
-        (
-            [[0, 51, 102, 153, 204, 255]],
-            {"free_thresh": 0.2, "occupied_thresh": 0.6},
-            pytest.approx([1, 1, 1, 0.5, 0, 0]),
-        ),
-        ([[51, 204]], {"free_thresh": 0.2}, pytest.approx([0.75, 0])),
-        ([[51, 204]], {"occupied_thresh": 0.4}, pytest.approx([1, 0.5])),
-        ([[0, 127, 128, 255]], {"free_thresh": 0.5, "occupied_thresh": 0.5}, [1, 1, 0, 0]),
-    ],
-)
-def test_shares_are_those_of_the_map_server(drawn, pixels, given, expected):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert values(drawn(pixels, **given)) == [expected]
+SHARES = [
+    ([[0, 65_535]], {"kind": np.uint16}, [1, 0]),
+    ([[[255, 255, 255], [0, 0, 0], [255, 0, 0]]], {}, [0, 1, 2 / 3]),
+    (palette(255, 0), {}, [0, 1]),
+    *(([[0, 255, 51]], {"negate": yes}, [0, 1, 0.2]) for yes in (1, True, "yes")),
+    ([[0, 255]], {"origin": [-1, 2, 0.0], "frame_id": "map", "voxels": {"a": 1}}, [1, 0]),
+    # The plain scale, as in the tutorial of Nav2's speed filter.
+    ([[0, 255, 51]], {"free_thresh": 0.0, "occupied_thresh": 1.0}, [1, 0, 0.8]),
+    # Shares 1, 0.8, 0.6, 0.4 and 0.2, on a scale from 0.2 to 0.6.
+    ([[0, 51, 102, 153, 204]], {"free_thresh": 0.2, "occupied_thresh": 0.6}, [1, 1, 1, 0.5, 0]),
+    ([[51, 204]], {"occupied_thresh": 0.4}, [1, 0.5]),
+    ([[0, 127, 128, 255]], {"free_thresh": 0.5, "occupied_thresh": 0.5}, [1, 1, 0, 0]),
+]
 
 
-@pytest.mark.parametrize("mode", ["Trinary", "scale"])
-@pytest.mark.parametrize(
-    ("keys", "expected"),
-    [
+@pytest.mark.filterwarnings("error")
+def test_shares_are_those_of_the_map_server(drawn):
+    for pixels, options, expected in SHARES:
+        assert read_raster(drawn(pixels, **options)).values.tolist() == [pytest.approx(expected)]
+
+
+def test_cells_are_those_of_the_map_server(drawn):
+    """Shares 1, 0.8, 0.6, 0.4, 0.2 and 0, and the grey of map savers."""
+    pixels, names = [[0, 51, 102, 153, 204, 255, GREY]], {FREE: ".", OCCUPIED: "X", UNKNOWN: "?"}
+    for keys, expected in (
         ({}, "XX??..?"),
         ({"occupied_thresh": 0.9}, "X???..?"),
         ({"free_thresh": 0.5}, "XX?...?"),
         ({"free_thresh": 0}, "XX?????"),
         ({"negate": 1}, "..??XXX"),
-    ],
-)
-def test_cells_are_those_of_the_map_server(drawn, mode, keys, expected):
-    """Shares 1, 0.8, 0.6, 0.4, 0.2 and 0, and the grey of map savers."""
-    pixels = [[0, 51, 102, 153, 204, 255, GREY]]
-    [cells] = read_raster(drawn(pixels, mode=mode, **keys), modes=MODES).cells
-    assert "".join({FREE: ".", OCCUPIED: "X", UNKNOWN: "?"}[cell] for cell in cells) == expected
+    ):
+        for mode in ("Trinary", "scale"):
+            [cells] = read_raster(drawn(pixels, mode=mode, **keys), modes=MODES).cells
+            assert "".join(map(names.get, cells)) == expected
 
 
 @pytest.mark.parametrize(
@@ -144,116 +127,65 @@ def test_the_image_lies_beside_the_file_or_at_home(drawn, tmp_path, monkeypatch)
     text = path.read_text()
     for image in ("~/map.png", "home/map.png", "./home/../home/map.png", str(home / "map.png")):
         path.write_text(text.replace("map.png", image))
-        assert values(path) == [[1]]
+        assert read_raster(path).values == [[1]]
 
 
-@pytest.mark.parametrize(
-    ("keys", "fault"),
-    [
-        ({"mode": "trinary"}, "line 2: expected mode to be scale, got 'trinary'"),
-        ({"mode": 7}, "line 2: expected mode to be a text, got 7"),
-        ({"mode": None}, "line 1: expected mode to be scale, got None"),
-        ({"free_thresh": 2}, r"line 6: expected free_thresh <= 1, got 2"),
-        ({"occupied_thresh": -0.1}, r"line 6: expected occupied_thresh >= 0, got -0\.1"),
-        ({"occupied_thresh": 0.3, "free_thresh": 0.4}, r"line 7: .* <= occupied_thresh, 0\.3, got"),
-        ({"resolution": -1}, "line 3: expected resolution > 0, got -1"),
-        ({"resolution": True}, "line 3: expected resolution to be a number, got True"),
-        ({"origin": [-1, 2, 0.5]}, r"line 4: expected origin \[x, y, 0\], without rotation, got"),
-        ({"origin": 7}, "line 4: expected origin to be a list, got 7"),
-        ({"origin": [0]}, "line 4: expected origin to have at least 2 items"),
-        ({"negate": 2}, "line 5: expected negate to be true or false, got 2"),
-        ({"image": [1]}, "line 1: expected image to be a text, got"),
-        ({"image": None}, "line 1: expected the key 'image', which is missing"),
-        ({"image": "no.png"}, r"image 'no\.png': no such file"),
-        ({"image": "~nobody-here/no.png"}, "image '~nobody-here/no.png': "),
-        ({"image": "map.yaml"}, r"image 'map\.yaml': expected an image, such as PNG or PGM"),
-        ({"image": "map.tif"}, r"image 'map\.tif': expected integers as pixels, found floats"),
-        ({"image": "cut.png"}, r"image 'cut\.png': cannot be read: "),
-    ],
-)
-def test_wrong_values_are_named_by_their_lines(drawn, tmp_path, keys, fault):
+WRONG = [
+    ({"mode": "trinary"}, "line 2: expected mode to be scale, got 'trinary'"),
+    ({"free_thresh": 2}, r"line 6: expected free_thresh <= 1, got 2"),
+    ({"occupied_thresh": 0.3, "free_thresh": 0.4}, r"line 7: .* <= occupied_thresh, 0\.3, got"),
+    ({"resolution": -1}, "line 3: expected resolution > 0, got -1"),
+    ({"origin": [-1, 2, 0.5]}, r"line 4: expected origin \[x, y, 0\], without rotation, got"),
+    ({"image": None}, "line 1: expected the key 'image', which is missing"),
+    ({"image": "no.png"}, r"image 'no\.png': no such file"),
+    ({"image": "~nobody-here/no.png"}, "image '~nobody-here/no.png': "),
+    ({"image": "map.yaml"}, r"image 'map\.yaml': expected an image, such as PNG or PGM"),
+    ({"image": "map.tif"}, r"image 'map\.tif': expected integers as pixels, found floats"),
+    ({"image": "cut.png"}, r"image 'cut\.png': cannot be read: "),
+]
+
+
+def test_wrong_values_are_named_by_their_lines(drawn, tmp_path):
     drawn([[0.5]], kind=np.float32, image="map.tif")
     path = drawn(np.zeros((99, 99)))
     (tmp_path / "cut.png").write_bytes((tmp_path / "map.png").read_bytes()[:60])
-    given = {key: value for key, value in {**HAZARD, **keys}.items() if value is not None}
-    path.write_text("".join(f"{key}: {value}\n" for key, value in given.items()))
-    with pytest.raises(MissionError, match=rf"map\.yaml: {fault}"):
-        read_raster(path)
+    for keys, fault in WRONG:
+        left = {key: value for key, value in {**HAZARD, **keys}.items() if value is not None}
+        path.write_text("".join(f"{key}: {value}\n" for key, value in left.items()))
+        with pytest.raises(MissionError, match=rf"map\.yaml: {fault}"):
+            read_raster(path)
 
 
-@pytest.mark.parametrize(
-    ("text", "fault"),
-    [
+def test_files_that_are_no_maps(tmp_path):
+    path = tmp_path / "map.yaml"
+    for text, fault in (
         ("[1, 2]", r"expected the file to be a mapping, got \[1, 2\]"),
-        ("", "expected the file to be a mapping, got None"),
         ("a: [", "not valid YAML"),
-        (
-            "{image: a, resolution: 1, origin: [0, 0], mode: raw}",
-            "mode to be trinary or scale, got",
-        ),
-    ],
-)
-def test_files_that_are_no_maps(tmp_path, text, fault):
-    (tmp_path / "map.yaml").write_text(text)
-    with pytest.raises(MissionError, match=rf"map\.yaml: .*{fault}"):
-        read_raster(tmp_path / "map.yaml", modes=MODES)
+        ("{image: a, resolution: 1, origin: [0, 0], mode: raw}", "mode to be trinary or scale"),
+    ):
+        path.write_text(text)
+        with pytest.raises(MissionError, match=rf"map\.yaml: .*{fault}"):
+            read_raster(path, modes=MODES)
 
 
 @pytest.mark.fuzz
 @pytest.mark.filterwarnings("ignore:.* pixels are transparent")
 @pytest.mark.parametrize(
     ("name", "content"),
-    [
-        (
-            "map.yaml",
-            b"image: map.pgm\nmode: scale\nresolution: 0.5\norigin: [-1, 2, 0]\nnegate: 0\n",
-        ),
-        ("map.pgm", b"P2\n3 2\n255\n0 10 255\n9 8 7\n"),
-    ],
-    ids=["map", "image"],
+    [("map.yaml", json.dumps(HAZARD).encode()), ("map.png", b"P2\n3 2\n255\n0 10 255\n9 8 7\n")],
 )
 @examples(100)
 @given(data=st.data())
 def test_changed_files(tmp_path_factory, name, content, data):
     folder = tmp_path_factory.getbasetemp() / "maps"
     folder.mkdir(exist_ok=True)
-    Image.fromarray(np.array([[7]], np.uint8)).save(folder / "map.pgm")
-    (folder / "map.yaml").write_text(json.dumps({**HAZARD, "image": "map.pgm"}))
+    Image.fromarray(np.array([[7]], np.uint8)).save(folder / "map.png")
+    (folder / "map.yaml").write_text(json.dumps(HAZARD))
     (folder / name).write_bytes(data.draw(changed(content)))
-    try:
-        raster = read_raster(folder / "map.yaml")
-    except MissionError as error:
-        check_message(error, folder)
-    else:
+    raster = read_or_refused(read_raster, folder / "map.yaml", named=folder, errors=MissionError)
+    if raster is not None:
         assert 0 < raster.resolution < math.inf
         assert ((raster.values >= 0) & (raster.values <= 1)).all()
-
-
-class TestRouteGraphs:
-    GIVEN = {"base": 3, "robots": 1, "danger": 0.03}  # noqa: RUF012
-
-    def test_a_black_map_is_the_danger_alone(self, drawn, site):  # noqa: F811
-        """Also along lines that are longer than their ends are apart."""
-        path = site(*both_ways((3, 4)), line(4, 7, metadata={"length": 9}), line(7, 3))
-        alone = load_mission(path, **self.GIVEN)
-        black = {"hazard": drawn(np.zeros((20, 20)), **AT_THE_SITE)}
-        zones = {"danger_zones": [{"circle": [0, 0, 99], "rate": 0.03}], "danger": 0}
-        for more in (black, zones):
-            arcs = load_mission(path, **{**self.GIVEN, **more}).world.graph
-            assert arcs.survival == pytest.approx(alone.world.graph.survival)
-        white = drawn(np.full((20, 20), 255), **AT_THE_SITE)
-        assert (load_mission(path, hazard=white, **self.GIVEN).world.graph.survival == 1).all()
-        clear = drawn(np.full((20, 20, 4), CLEAR), **AT_THE_SITE)
-        with pytest.warns(UserWarning, match="400 of 400 pixels are transparent"):
-            mission = load_mission(path, hazard=clear, **self.GIVEN)
-        assert (mission.world.graph.survival == 1).all()
-
-    def test_rewards_by_what_is_of_interest(self, drawn, site):  # noqa: F811
-        """Within half a unit of a corner of cells of half a unit lie the centres of four."""
-        path = site(*both_ways((3, 4), (4, 7)))
-        given = {"interest": drawn(np.zeros((20, 20)), **AT_THE_SITE), "reward": 2, **self.GIVEN}
-        rewards = load_mission(path, sight=0.5, **given).rewards
-        assert rewards.tolist() == [0, 2 * 4 * 0.25, 2 * 4 * 0.25]
 
 
 ORIGIN = (-2.0, 3.0)
@@ -269,6 +201,8 @@ def hall(height, width, *rooms):
 
 
 CORRIDOR = hall(9, 60, (2, 6, 2, 57))
+LOOP = hall(60, 100, (5, 54, 5, 74))
+LOOP[15:45, 15:65] = 0
 
 
 def lengths(graph):
@@ -316,42 +250,28 @@ class TestRoadmaps:
         with pytest.raises(MissionError, match=said):
             roadmap_from_map(path, radius=0.25, danger=0.2, hazard=hazard)
 
-    def test_crossings_and_ends(self, drawn):
-        """A corridor on row 30 from column 4 to 105, others up at column 22 and down at 72."""
-        cells = hall(60, 110, (28, 32, 2, 107), (2, 32, 20, 24), (28, 57, 70, 74))
+    @pytest.mark.parametrize(
+        ("cells", "degrees", "total"),
+        [
+            # A corridor on row 30 from column 4 to 105, others up at column 22 and down at 72.
+            (hall(60, 110, (28, 32, 2, 107), (2, 32, 20, 24), (28, 57, 70, 74)), "111133", 15.2),
+            # Ways without ends and crossings get three nodes; between the middles of the sides.
+            (LOOP, "222", 2 * (6 + 4)),
+            # Of ways beside each other, one gets a node: the end, the crossing, and the loop's two.
+            (LOOP | hall(60, 100, (27, 33, 75, 97)), "1223", 22.1),
+            # A way across, so that three ways join two crossings.
+            (LOOP | hall(60, 100, (27, 33, 75, 97), (15, 44, 35, 44)), "12333", 26),
+            # A dead end that is shorter than a robot's radius disappears.
+            (hall(50, 120, (30, 38, 2, 117), (29, 30, 55, 63)), "11", 11),
+            (hall(50, 120, (30, 38, 2, 117), (10, 30, 55, 63)), "1113", 12.9),
+        ],
+    )
+    def test_crossings_ends_and_loops(self, drawn, cells, degrees, total):
         graph = roadmap_from_map(drawn(cells), radius=0.25)
-        assert sorted(degree for _, degree in graph.out_degree()) == [1, 1, 1, 1, 3, 3]
-        places = {(round(x), round(y)) for _, (x, y) in graph.nodes(data="pos")}
-        assert places == {(-2, 6), (0, 6), (0, 9), (5, 6), (5, 3), (9, 6)}
-        # But for a cell at each crossing.
-        assert lengths(graph) == pytest.approx([1.8, 2.5, 2.6, 3.3, 5.0], abs=0.15)
-
-    def test_a_loop(self, drawn):
-        """A way that has neither ends nor crossings gets three nodes, equally far apart."""
-        cells = hall(60, 80, (5, 54, 5, 74))
-        cells[15:45, 15:65] = 0
-        graph = roadmap_from_map(drawn(cells), radius=0.3)
-        assert len(graph) == 3
-        assert len(set(lengths(graph))) == 1
-        # Between the middles of its sides, 6 and 4 metres apart, but for the corners.
-        assert sum(lengths(graph)) == pytest.approx(2 * (6 + 4), rel=0.04)
-
-    def test_two_ways_around(self, drawn):
-        """Ways beside another one get a node in between."""
-        cells = hall(60, 100, (5, 54, 5, 74), (27, 33, 75, 97))
-        cells[15:45, 15:65] = 0
-        graph = roadmap_from_map(drawn(cells), radius=0.3)
-        # The end, the crossing, and two nodes on the loop.
-        assert sorted(degree for _, degree in graph.out_degree()) == [1, 2, 2, 3]
-        cells[15:45, 35:45] = WHITE  # a way across, so that three ways join two crossings
-        graph = roadmap_from_map(drawn(cells), radius=0.3)
-        assert sorted(degree for _, degree in graph.out_degree()) == [1, 2, 3, 3, 3]
-
-    @pytest.mark.parametrize(("depth", "n_nodes"), [(2, 2), (20, 4)])
-    def test_dead_ends(self, drawn, depth, n_nodes):
-        """One that is shorter than a robot's radius disappears; a longer one is a node."""
-        cells = hall(50, 120, (30, 38, 2, 117), (30 - depth, 30, 55, 63))
-        assert len(roadmap_from_map(drawn(cells), radius=0.3)) == n_nodes
+        assert "".join(map(str, sorted(d for _, d in graph.out_degree()))) == degrees
+        assert sum(lengths(graph)) == pytest.approx(total, rel=0.04)
+        if degrees == "222":
+            assert len(set(lengths(graph))) == 1  # equally far apart
 
     def test_spacing(self, drawn):
         graph = roadmap_from_map(drawn(CORRIDOR), radius=0.25, spacing=1.0, danger=0.02)
@@ -375,11 +295,7 @@ class TestRoadmaps:
         grey = np.where(CORRIDOR == 0, GREY, WHITE)
         # Under a clear pixel, white is not free either.
         clear = np.stack([np.full((9, 60), 255)] * 3 + [np.where(CORRIDOR == 0, 0, 255)], axis=2)
-        for cells, threshold, mode in (
-            (grey, 0.25, "trinary"),
-            (grey, 0.196, "Scale"),
-            (clear, 0.196, "trinary"),
-        ):
+        for cells, threshold, mode in ((grey, 0.25, "trinary"), (clear, 0.196, "Scale")):
             path = drawn(cells, free_thresh=threshold, mode=mode)
             assert nx.utils.graphs_equal(roadmap_from_map(path, radius=0.25), expected)
 
@@ -411,32 +327,21 @@ class TestRoadmaps:
         with pytest.raises(MissionError, match=rf"map\.yaml: {fault}"):
             roadmap_from_map(drawn(cells, **keys))
 
-    @pytest.mark.parametrize(
-        ("given", "fault"),
-        [
+    def test_options_are_checked(self, drawn, monkeypatch):
+        for own, fault in (
             ({"radius": 0}, "Expected radius > 0, got 0"),
-            ({"spacing": -1}, "Expected spacing > 0, got -1"),
             ({"spacing": 1e-9}, r"Expected spacing >= 0\.1, the width of a cell, got 1e"),
             ({"danger": -1}, "Expected danger >= 0, got -1"),
             ({"hazard": "none.yaml"}, "Expected danger, the rate of loss where the map is black"),
             # Of 51 cells in a row.
-            (
-                {"radius": 0.25, "danger": 200},
-                r"Arc from \[-1.55, 3.45\] to \[3.55, 3.45\]: expected survival >= 5e-324, so "
-                r"danger \* length <= 744, got 200 \* 5\.1 = 1020\.",
-            ),
-        ],
-    )
-    def test_options_are_checked(self, drawn, given, fault):
-        with pytest.raises(ValueError, match=fault):
-            roadmap_from_map(drawn(CORRIDOR), **given)
-
-    @pytest.mark.parametrize("package", ["skan", "skimage.morphology"])
-    def test_what_to_install_is_said(self, drawn, monkeypatch, package):
-        monkeypatch.setitem(sys.modules, package, None)
-        said = r"scikit-image and skan: pip install 'botohe-moo\[maps"
-        with pytest.raises(MissionError, match=said):
-            roadmap_from_map(drawn(CORRIDOR))
+            ({"radius": 0.25, "danger": 200}, r"Arc from \[-1.55, 3.45\] to .* 200 \* 5\.1 = "),
+        ):
+            with pytest.raises(ValueError, match=fault):
+                roadmap_from_map(drawn(CORRIDOR), **own)
+        for package in ("skan", "skimage.morphology"):
+            monkeypatch.setitem(sys.modules, package, None)
+            with pytest.raises(MissionError, match=r"skan: pip install 'botohe-moo\[maps"):
+                roadmap_from_map(drawn(CORRIDOR))
 
     @examples(100)
     @given(

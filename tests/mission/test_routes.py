@@ -7,18 +7,13 @@ import networkx as nx
 import pytest
 
 from botohe_moo import Mission, MissionError, load_mission, save_mission
-from tests.mission.made import loaded_by_nav2
+from tests.mission.made import feature, loaded_by_nav2
 
 POINTS = {3: (0, 0), 4: (3, 4), 7: (3, 0)}
 
 
-def feature(shape, at, **properties):
-    geometry = {"type": shape, "coordinates": at}
-    return {"type": "Feature", "properties": properties, "geometry": geometry}
-
-
-def point(label, place, **properties):
-    return feature("Point", place, id=label, **properties)
+def point(number, place, **properties):
+    return feature("Point", place, id=number, **properties)
 
 
 def line(tail, head, shape="MultiLineString", **properties):
@@ -43,37 +38,26 @@ def site(tmp_path):
     return write
 
 
-def test_survival_by_length_and_a_reward_for_each_point(site):
-    mission = load_mission(
-        site(*both_ways((3, 4), (4, 7))), danger=0.01, reward=2, base=3, robots=3
-    )
-    assert mission.name == "site"
-    assert (mission.base, mission.robots) == (3, 3)
-    assert mission.nodes == (3, 4, 7)
-    assert mission.rewards.tolist() == [0, 2, 2]
-    arc = mission.graph.edges[3, 4]
-    assert arc == {"length": 5.0, "survival": math.exp(-0.05)}
-    assert mission.graph.nodes[7] == {"pos": [3.0, 0.0], "reward": 2.0}
-
-
 def test_what_the_file_says_counts(site):
     """Also attributes that are not ours."""
-    mission = load_mission(
-        site(
-            line(3, 8, "LineString", metadata={"survival": 0.5, "length": 9}, cost=2.5, id=20),
-            line(8, 3, metadata={"survival": 0.75}),
-            point(8, (0, 2, 1), frame="map", metadata={"reward": 7, "class": "lab"}),
-            points={3: (0, 0)},
-            mission={"base": 3, "robots": 2, "name": "plant", "max_length": 30},
-        )
+    path = site(
+        line(3, 8, "LineString", metadata={"survival": 0.5, "length": 9}, cost=2.5, id=20),
+        line(8, 3, metadata={"survival": 0.75}),
+        *both_ways((3, 5)),
+        point(8, (0, 2, 1), frame="map", metadata={"reward": 7, "class": "lab"}),
+        point(5, (3, 4), label="b", metadata={"label": "c"}),
+        points={3: (0, 0)},
+        mission={"base": 3, "robots": 2, "name": "plant", "max_length": 30},
     )
+    mission = load_mission(path, danger=0.01, reward=2)
     assert (mission.name, mission.base, mission.robots) == ("plant", 3, 2)
-    assert mission.max_length == 30
-    assert mission.graph.nodes[8] == {
-        "frame": "map", "reward": 7, "class": "lab", "pos": [0.0, 2.0]
-    }  # fmt: skip
+    assert (mission.nodes, mission.max_length) == ((3, 8, 5), 30)
+    own = {"frame": "map", "reward": 7, "class": "lab"}
+    assert mission.graph.nodes[8] == {**own, "pos": [0.0, 2.0]}
+    assert mission.graph.nodes[5] == {"label": "c", "reward": 2.0, "pos": [3.0, 4.0]}
     assert mission.graph.edges[3, 8] == {"id": 20, "cost": 2.5, "survival": 0.5, "length": 9}
     assert mission.graph.edges[8, 3] == {"survival": 0.75, "length": 2.0}
+    assert mission.graph.edges[3, 5] == {"length": 5.0, "survival": math.exp(-0.05)}
 
 
 def test_what_is_left_out_is_said(site):
@@ -85,9 +69,9 @@ def test_what_is_left_out_is_said(site):
         point(1, (9, 9)),
         point(2, (8, 8)),
         line(4, 2),
-        {"type": "Feature", "geometry": {"type": "Polygon", "coordinates": []}},
+        feature("Polygon", []),
         {"type": "Feature", "geometry": None, "properties": None},
-        {"type": "Feature", "geometry": {"type": "MultiPoint", "coordinates": [[1, 2]]}},
+        feature("MultiPoint", [[1, 2]]),
         {"type": "FeatureCollection", "features": [point(9, (1, 1))]},
     )
     with pytest.warns(UserWarning, match="Left out") as said:
@@ -108,24 +92,14 @@ def placed(at):
 
 
 REFUSED = [
-    ([line(3, 5)], r"features\[3\]: .* there is no node 5"),
-    ([*both_ways((3, 4), (4, 7)), point(4, (1, 1))], r"\[7\]: node 4 is listed more than once"),
     (placed((1,)), r"node 5: expected pos \[x, y\], two finite numbers, got \[1\]"),
     (placed((1, math.nan)), r"node 5: expected pos .*, got \[1, nan\]"),
-    (placed(None), r"node 5: expected pos .*, got 'None'"),
-    (placed([[1, 2], [3, 4]]), r"node 5: expected pos .*, got \[\[1, 2\], \[3, 4\]\]"),
-    ([point({}, (1, 1))], r"features\[3\]: expected a label, .* got {}"),
     ([point(None, (1, 1))], r"\[3\]: expected a property 'id', found none"),
     ([{**line(3, 4), "properties": None}], r"\[3\]: expected a property 'startid'"),
     ([{**line(3, 4), "properties": [1]}], r"expected properties to be an object, got \[1\]"),
     ([{**line(3, 4), "geometry": "x"}], r"expected geometry to be an object, got 'x'"),
     ([line(3, 4, metadata=[1])], r"\[3\]: expected metadata to be an object"),
     ([7], r"features\[3\]: expected a feature to be an object, got 7"),
-    ([*both_ways((3, 4), (4, 7)), line(3, 7, metadata={"length": -9e9})], "length >= 0, got -9"),
-    (
-        [*both_ways((3, 4), (4, 7)), line(3, 7, metadata={"length": "far"})],
-        "length >= 0, got 'far'",
-    ),
 ]
 
 
@@ -139,25 +113,8 @@ def test_what_is_wrong_is_named_by_its_feature(site, features, fault):
 def saved_for_nav2(mission, path):
     """Save a mission, which comes back; return what Nav2 loads of its file."""
     save_mission(mission, path)
-    again = load_mission(path)
-    assert again == mission
-    assert dict(again.graph.nodes) == dict(mission.graph.nodes)
-    assert dict(again.graph.edges) == dict(mission.graph.edges)
+    assert load_mission(path) == mission
     return loaded_by_nav2(json.loads(path.read_text()))
-
-
-def test_nav2_gets_penalties_as_decimals(tmp_path):
-    graph = load_mission("art_museum").graph.copy()
-    graph.edges[1, 2]["survival"] = 1
-    mission = Mission(graph)
-    points, lines = saved_for_nav2(mission, tmp_path / "museum.geojson")
-    assert tuple(points) == mission.nodes
-    assert points[1] == tuple(mission.graph.nodes[1]["pos"])
-    for line in lines:
-        survival = mission.graph.edges[line["startid"], line["endid"]]["survival"]
-        assert type(line["metadata"]["penalty"]) is float
-        assert line["metadata"]["penalty"] == pytest.approx(-math.log(survival))
-    assert '"penalty": 0.0' in (tmp_path / "museum.geojson").read_text()
 
 
 @pytest.mark.parametrize("label", ["dock", 2**31 - 1, -1, 1.5, False])
@@ -174,47 +131,31 @@ def test_there_is_not_one_penalty_of_several_kinds(tmp_path):
     assert not any("penalty" in line["metadata"] for line in lines)
 
 
-def test_labels_in_the_files_of_others_are_attributes(site):
-    named = point(5, (1, 1), metadata={"label": "c"})
-    named["properties"]["label"] = "b"
-    path = site(*both_ways((3, 5)), named, points={3: (0, 0)})
-    mission = load_mission(path, danger=0.1, base=3, robots=1)
-    assert mission.nodes == (3, 5)
-    assert mission.graph.nodes[5]["label"] == "c"
-
-
-def polygon(*rings, shape="Polygon", **properties):
-    return feature(shape, rings, **properties)
-
-
 def square(x, y, side=1):
     return [[x, y], [x + side, y], [x + side, y + side], [x, y + side], [x, y]]
 
 
 def test_polygons_with_a_rate_are_zones(site):
     """Along 3 -> 7, of length 3: a unit in a square, and half a unit in each of two others."""
+    halves = [[square(0, -0.25, 0.5)], [square(2.5, -0.5)]]
     path = site(
         *both_ways((3, 7), (3, 4)),
-        polygon(square(1, -0.5), rate=0.1),
-        polygon(
-            [square(0, -0.25, 0.5)],
-            [square(2.5, -0.5)],
-            shape="MultiPolygon",
-            metadata={"rate": 0.2},
-        ),
+        feature("Polygon", [square(1, -0.5)], rate=0.1),
+        feature("MultiPolygon", halves, metadata={"rate": 0.2}),
     )
     mission = load_mission(path, danger=0.01, base=3, robots=1)
     rate = 0.01 * 3 + 0.1 + 0.2 * (0.5 + 0.5)
     assert mission.graph.edges[3, 7]["survival"] == pytest.approx(math.exp(-rate))
-    assert mission.graph.edges[7, 3]["survival"] == pytest.approx(math.exp(-rate))
     zones_alone = load_mission(path, base=3, robots=1)
     assert zones_alone.graph.edges[3, 7]["survival"] == pytest.approx(math.exp(0.03 - rate))
 
 
 def test_a_polygon_that_is_wrong_is_named_by_its_feature(site):
-    path = site(
-        *both_ways((3, 7)), polygon([[0, 0], [1, 1]], rate=0.1), polygon(square(0, 0), rate=-1)
+    bad = (
+        feature("Polygon", [[[0, 0], [1, 1]]], rate=0.1),
+        feature("Polygon", [square(0, 0)], rate=-1),
     )
+    path = site(*both_ways((3, 7)), *bad)
     with pytest.raises(MissionError) as raised:
         load_mission(path, base=3, robots=1, danger=1)
     assert [fault.partition(",")[0] for fault in raised.value.faults] == [
@@ -229,14 +170,14 @@ def test_longitudes_and_latitudes(site, tmp_path):
     crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}
     path = site(*both_ways((3, 4), (3, 7)), points=points, crs=crs)
     given = {"danger": 1e-6, "base": 3, "robots": 1}
-    with pytest.warns(
-        UserWarning, match="Positions count as metres: give geographic=True if the crs is right"
-    ):
+    said = "Positions count as metres: give geographic=True if the crs is right"
+    with pytest.warns(UserWarning, match=said):
         assert load_mission(path, **given).graph.edges[3, 4]["length"] == 1
     mission = load_mission(path, geographic=True, **given)
-    lengths = [mission.graph.edges[3, head]["length"] for head in (4, 7)]
-    assert lengths == [pytest.approx(111_195, abs=1), pytest.approx(111_195 / 2, rel=1e-4)]
-    assert mission.graph.edges[3, 4]["survival"] == pytest.approx(math.exp(-0.111195), rel=1e-6)
+    arcs = mission.graph.edges
+    assert arcs[3, 4]["length"] == pytest.approx(111_195, abs=1)
+    assert arcs[3, 7]["length"] == pytest.approx(111_195 / 2, rel=1e-4)
+    assert arcs[3, 4]["survival"] == pytest.approx(math.exp(-0.111195), rel=1e-6)
     save_mission(mission, tmp_path / "again.geojson")
     again = load_mission(tmp_path / "again.geojson")
     assert again == mission
@@ -245,24 +186,22 @@ def test_longitudes_and_latitudes(site, tmp_path):
 
 
 def test_lines_that_all_lead_away(site):
-    path = site(line(3, 4), line(4, 7))
+    path, given = site(line(3, 4), line(4, 7)), {"danger": 0.01, "base": 3, "robots": 1}
     expected = "expected a node that can be reached from base 3 and left again, found none; both_w"
     with pytest.raises(MissionError, match=expected):
-        load_mission(path, danger=0.01, base=3, robots=1)
-    mission = load_mission(path, danger=0.01, base=3, robots=1, both_ways=True)
-    assert set(mission.graph.edges) == {(3, 4), (4, 3), (4, 7), (7, 4)}
-    assert mission.graph.edges[4, 3] == mission.graph.edges[3, 4]
+        load_mission(path, **given)
+    arcs = load_mission(path, both_ways=True, **given).graph.edges
+    assert {*arcs} == {(3, 4), (4, 3), (4, 7), (7, 4)}
+    assert arcs[4, 3] == arcs[3, 4]
 
 
 def test_attributes_that_mission_files_use_for_labels(site):
     path = site(
         line(3, 4, metadata={"survival": 0.9, "source": "survey"}),
         line(4, 3, metadata={"survival": 0.9}),
+        point(4, (1, 1), metadata={"id": "kitchen", "class": "room"}),
         points={3: (0, 0)},
     )
-    content = json.loads(path.read_text())
-    content["features"].append(point(4, (1, 1), metadata={"id": "kitchen", "class": "room"}))
-    path.write_text(json.dumps(content))
     said = r"Left out attributes id, source and target, .*: features\[3\], features\[1\]\.$"
     with pytest.warns(UserWarning, match=said):
         mission = load_mission(path, base=3, robots=1)
@@ -286,7 +225,9 @@ def test_ids_and_penalties_of_lines(site, tmp_path):
         (3, 4): 20, (4, 3): 21, (3, 7): 23, (4, 7): 24, (7, 4): 25, (7, 3): 26
     }  # fmt: skip
     penalties = {ends: each["metadata"]["penalty"] for ends, each in of_ends.items()}
-    assert penalties == {ends: 0.0 if ends == (7, 4) else math.log(2) for ends in of_ends}
+    assert penalties == {ends: 0 if ends == (7, 4) else math.log(2) for ends in of_ends}
+    assert {*map(type, penalties.values())} == {float}
+    assert '"penalty": 0.0' in (tmp_path / "again.geojson").read_text()
 
 
 def test_what_nav2_reads_beside_metadata(tmp_path):
@@ -295,9 +236,8 @@ def test_what_nav2_reads_beside_metadata(tmp_path):
     door = {"type": "OpenDoor", "trigger": "ON_ENTER", "metadata": {"door_id": 54}}
     graph.nodes[1].update(frame="odom", operations=[door], zones=[[1, 2], [3, 4]])
     graph.nodes[2].update(frame=None, operations="none", note=None, region={"x": [0.5, True]})
-    graph.edges[1, 2].update(
-        cost=2.5, overridable=False, operations={"open": door}, region={"x": None}
-    )
+    own = {"cost": 2.5, "overridable": False, "operations": {"open": door}}
+    graph.edges[1, 2].update(own, region={"x": None})
     graph.edges[2, 1].update(cost="low", overridable=1, penalty=50, speed_limit=80.0)
     mission = Mission(graph)
     _, lines = saved_for_nav2(mission, tmp_path / "x.geojson")
@@ -306,14 +246,8 @@ def test_what_nav2_reads_beside_metadata(tmp_path):
     assert (first["frame"], first["operations"]) == ("odom", [door])
     assert "frame" not in second
     assert second["metadata"]["region"] == {"x": [0.5, True]}
-    there, back = (
-        next(each for each in lines if (each["startid"], each["endid"]) == ends)
-        for ends in ((1, 2), (2, 1))
-    )
-    assert (there["cost"], there["overridable"], there["operations"]) == (
-        2.5,
-        False,
-        {"open": door},
-    )
+    of_ends = {(each["startid"], each["endid"]): each for each in lines}
+    there, back = of_ends[1, 2], of_ends[2, 1]
+    assert {name: there[name] for name in own} == own
     assert back["metadata"]["speed_limit"] == 80.0
     assert not {"cost", "overridable"} & back.keys()

@@ -12,15 +12,15 @@ import pytest
 
 from botohe_moo.mission import Kind, Mission, MissionError
 from botohe_moo.mission.rules import read_kinds
-from tests.mission.made import BOTH, DRONE, ROVER, faults_of, graph_of, harbour, team_site
+from tests.mission.made import BOTH, DRONE, ROVER, faults_of, harbour, team_site
 
 NODE, ARC = "node 'reef': ", "arc 'dock' -> 'reef': "
 LAB = "arc 'dock' -> 'lab'"
+ROBOTS = "expected robots to be an integer in [1, 1000000]"
+NOT_ABOARD, ON_RETURN = (["lab", "lab"], ["roof"], ["dock"]), "expected a node that pays on"
 UNLISTED = "no such kind; the mission lists no kinds"
 NO_WAY = "robots of kind 'rover' cannot keep "
-FOUND = (
-    ". The safest way from 'lab' to 'dock', or the shortest one if that is too long, is survived "
-)
+FOUND = ". The safest way from 'lab' to 'dock', or the shortest one if that is too long, is survi"
 
 
 def plain(**changes):
@@ -40,14 +40,6 @@ def rover(graph=None, **changes):
     return team([DRONE, replace(ROVER, **changes)], graph=graph or {}, lab=lab, dock=dock)
 
 
-def unknown_kind():
-    graph = team_site()
-    nx.set_edge_attributes(
-        graph, {arc: {"drone": 0.5, "rovr": 0.5} for arc in graph.edges}, "survival"
-    )
-    return graph, {"kinds": BOTH}
-
-
 def wild():
     """A harbour with much that is wrong."""
     graph = harbour(reef={"reward": -1})
@@ -60,8 +52,9 @@ def wild():
 
 
 def unjoined(*kinds):
-    graph = graph_of({"dock": {"reward": 1}, "wreck": {"reward": 0}, "isle": {"reward": 0}})
-    graph.add_edges_from([("dock", "wreck"), ("isle", "dock")], survival=1)
+    graph = nx.DiGraph([("dock", "wreck"), ("isle", "dock")])
+    nx.set_node_attributes(graph, {"dock": 1, "wreck": 0, "isle": 0}, "reward")
+    nx.set_edge_attributes(graph, 1, "survival")
     return graph, {"base": "dock"} | ({"kinds": kinds} if kinds else {"robots": 1})
 
 
@@ -71,12 +64,10 @@ class TestNumbersAndFlags:
         [
             ("reef", "reward", "a finite reward >= 0", [-0.1, math.nan, math.inf, True, "1", None]),
             ("reef", "pos", "pos [x, y], two finite numbers", [[math.nan, 0], [1, 2, 3], "ab", 7]),
-            ("reef", "pos", "pos [x, y], two finite numbers", [[0, "x"], np.zeros(()), [[1], 2]]),
             ("reef", "share", "share in [0, 1]", [-0.1, 1.1, math.nan, "1", True, None]),
             ("reef", "pays", "pays to be 'arrival' or 'return'", ["later", 1, np.zeros(2)]),
             ("reef", "depot", "depot to be true or false", ["yes", 1]),
             ("dock_reef", "survival", "survival in (0, 1]", [0, math.nextafter(1, 2), "0.5"]),
-            ("dock_reef", "survival", "survival in (0, 1]", [np.array([0.5]), math.nan, None]),
             ("dock_reef", "length", "a finite length >= 0", [-0.1, math.inf, "1", None]),
             ("graph", "max_length", "a finite max_length >= 0", [-0.1, math.inf, math.nan, "1"]),
             ("graph", "pays", "pays to be 'arrival' or 'return'", ["home", np.zeros(2)]),
@@ -102,31 +93,30 @@ class TestNumbersAndFlags:
             assert (mission.rewards[1], mission.world.graph.length.min()) == (0.5, 0)
             assert mission.world.graph.survival[0] == survival
 
-    @pytest.mark.parametrize("robots", [0, 1.0, True, None])
-    def test_another_number_of_robots(self, robots):
-        with pytest.raises(ValueError, match=rf"^Expected robots .*>= 1, got {robots!r}\.$"):
-            Mission(harbour()).with_robots(robots)
+    def test_another_number_of_robots(self):
+        for robots in (0, 1.0, True, None):
+            with pytest.raises(ValueError, match=rf"^Expected robots .*>= 1, got {robots!r}\.$"):
+                Mission(harbour()).with_robots(robots)
 
 
 # A mission, and how its faults begin.
 REFUSED = [
     (
-        plain(reef={"reward": "2,5"}, dock_reef={"survival": "0,5"}),
+        plain(reef={"reward": "2,5"}, dock_reef={"survival": {}}),
         f"{NODE}expected a finite reward >= 0, got '2,5'; write a number, as 0.95",
-        f"{ARC}expected survival in (0, 1], got '0,5'; write a number, as 0.95",
-    ),
-    (
-        team(lab={"share": {"drone": 2, "rovr": 1}}),
-        "node 'lab': share of kind 'rovr': no such kind; most alike are rover, drone",
-        "node 'lab': expected share in [0, 1] of kind 'drone', got 2",
+        f"{ARC}expected survival in [0, 1] of kind 'robot', found none",
     ),
     (
         team(
+            lab={"share": {"drone": 2, "rovr": 1}, "reward": {"drone": 1}},
             dock_lab={"survival": {"drone": 0.5, "rovr": 0.9}},
             lab_dock={"survival": {"drone": math.nan}},
             lab_roof={"survival": {"drone": "0,8", "rover": -1}},
             roof_lab={"survival": 0},
         ),
+        "node 'lab': share of kind 'rovr': no such kind; most alike are rover, drone",
+        "node 'lab': expected share in [0, 1] of kind 'drone', got 2",
+        "node 'lab': expected a finite reward >= 0, got {'drone': 1}",
         f"{LAB}: survival of kind 'rovr': no such kind; most alike are rover, drone",
         "arc 'lab' -> 'dock': expected survival in [0, 1] of kind 'drone', got nan",
         "arc 'lab' -> 'dock': expected survival in [0, 1] of kind 'rover', found none",
@@ -135,17 +125,10 @@ REFUSED = [
         "arc 'roof' -> 'lab': expected survival in (0, 1], got 0",
     ),
     (
-        team(dock_lab={"survival": {}}, lab={"reward": {"drone": 1}, "share": {}}),
-        "node 'lab': expected a finite reward >= 0, got {'drone': 1}",
-        f"{LAB}: expected survival in [0, 1] of kind 'drone', found none",
-        f"{LAB}: expected survival in [0, 1] of kind 'rover', found none",
-    ),
-    (
         team(lab={"share:rover": 0.5}, dock_lab={"survival:drone": 0.5}),
         "node 'lab': expected share to be a mapping from kinds to numbers, found 'share:rover', w",
         f"{LAB}: expected survival to be a mapping from kinds to numbers, found 'survival:drone'",
     ),
-    (unknown_kind(), f"{LAB} and 3 more: survival of kind 'rovr': no such kind; most"),
     (
         team(None, 2),
         f"{LAB} and 3 more: survival of kind 'drone': {UNLISTED}",
@@ -153,26 +136,16 @@ REFUSED = [
         f"node 'lab': share of kind 'drone': {UNLISTED}",
         f"node 'roof': share of kind 'rover': {UNLISTED}",
     ),
-    (plain(dock_reef={"survival": {}}), f"{ARC}expected survival in [0, 1] of kind 'robot', found"),
     (team([]), "expected at least one kind, got none"),
-    (team("drone"), "expected kinds to be a list of kinds, got 'drone'"),
     (team({"name": "drone"}), "expected kinds to be a list of kinds, got {'name': 'drone'}"),
-    (team(DRONE), "expected kinds to be a list of kinds, got Kind(name='drone'"),
     (
         team([DRONE, 7, {"name": "rover", "robot": 1}]),
         "kinds[1]: expected a Kind, or an object, got 7",
         "kinds[2]: there is no 'robot' of a kind; most alike are robots, start, aboard, max_length",
     ),
-    (team([DRONE, {"name": "rover"}]), "kind 'rover': expected robots to be an integer in"),
     (team([DRONE, {"robots": 1}]), "kind None: expected a printable name"),
     (team([DRONE, Kind("rover", 0), ROVER]), "kind 'rover': there are two kinds of this name"),
-    *(
-        (
-            rover(robots=n),
-            f"kind 'rover': expected robots to be an integer in [1, 1000000], got {n!r}",
-        )
-        for n in (0, "3", math.nan, 1_000_001)
-    ),
+    *((rover(robots=n), f"kind 'rover': {ROBOTS}, got {n!r}") for n in (0, math.nan, 1_000_001)),
     (
         rover(start="dok", end=["dock"], min_survival=1.5, max_length=-1),
         "kind 'rover': expected min_survival in [0, 1], got 1.5",
@@ -180,32 +153,15 @@ REFUSED = [
         "kind 'rover': start 'dok': no such node; most alike are dock, roof, lab",
         "kind 'rover': end ['dock']: no such node; most alike are dock, roof, lab",
     ),
-    (rover(min_survival="0.5"), "kind 'rover': expected min_survival in [0, 1], got '0.5'"),
     (rover(aboard="lab"), "kind 'rover': expected aboard to be a list of nodes, got 'lab'"),
-    *(
-        (rover(aboard=aboard), f"kind 'rover': aboard {aboard[-1]!r}: expected a node that pays on")
-        for aboard in (["lab", "lab"], ["roof"], ["dock"])
-    ),
-    (
-        rover(aboard=["labs"]),
-        "kind 'rover': aboard 'labs': no such node; most alike are lab",
-    ),
-    (team(robots=4), "expected robots to be 3, the robots of all kinds together, or none, got 4"),
-    (
-        unjoined(),
-        "node 'wreck': has no way back to base 'd",
-        "node 'isle': cannot be reached from b",
-    ),
-    (
-        unjoined(Kind("a", 1)),
-        "node 'wreck': has no way back to b",
-        "node 'isle': cannot be reached",
-    ),
+    *((rover(aboard=n), f"kind 'rover': aboard {n[-1]!r}: {ON_RETURN}") for n in NOT_ABOARD),
+    (rover(aboard=["labs"]), "kind 'rover': aboard 'labs': no such node; most alike are lab"),
+    (unjoined(), "node 'wreck': has no way back to base", "node 'isle': cannot be reached from b"),
     (rover(start="roof"), "robots of kind 'rover' have no way from 'roof' to 'dock'"),
     (
         rover(start="lab", min_survival=0.91, max_length=0.5),
-        f"{NO_WAY}min_survival 0.91{FOUND}with 0.9 and is 1 long; no others are tried",
-        f"{NO_WAY}max_length 0.5{FOUND}with 0.9 and is 1 long; no others are tried",
+        f"{NO_WAY}min_survival 0.91{FOUND}ved with 0.9 and is 1 long; no others are tried",
+        f"{NO_WAY}max_length 0.5{FOUND}ved with 0.9 and is 1 long; no others are tried",
     ),
     (rover({"max_length": Fraction(1, 2)}, start="lab"), f"{NO_WAY}max_length 0.5{FOUND}"),
     (
@@ -214,11 +170,7 @@ REFUSED = [
         "expected base, the label of a node, found none: give base",
     ),
     (team(graph={"base": None}), "expected base, the label of a node, found none: give base"),
-    (plain(graph={"base": "deck"}), "base 'deck': no such node; most alike are dock, "),
-    (
-        plain(graph={"base": ["dock"]}),
-        "base ['dock']: no such node; most alike are dock, ",
-    ),
+    (plain(graph={"base": ["dock"]}), "base ['dock']: no such node; most alike are dock, "),
     (
         wild(),
         "expected robots to be an integer >= 1, got 0",
@@ -230,11 +182,7 @@ REFUSED = [
         "node 'wreck': has no way back to base 'dock'",
         "node 'isle': cannot be reached from base 'dock'",
     ),
-    (
-        (nx.Graph([(0, 1)]), {}),
-        "expected an nx.DiGraph, got an nx.Graph; graph.to_directed() makes",
-    ),
-    ((nx.MultiDiGraph([(0, 1)]), {}), "expected an nx.DiGraph, got an nx.MultiDiGraph"),
+    ((nx.Graph(), {}), "expected an nx.DiGraph, got an nx.Graph; graph.to_directed() makes"),
     (({0: [1]}, {"base": 0, "robots": 1}), "expected an nx.DiGraph, got {0: [1]}"),
 ]
 
@@ -247,12 +195,12 @@ def test_what_is_wrong_is_named(case, starts):
 
 
 class TestKinds:
-    @pytest.mark.parametrize("name", ["a:b", "a,b", "a=b", " a", "a\n", "a\nb", "", 3, np.zeros(2)])
-    def test_names_that_columns_and_options_cannot_hold(self, name):
-        expected = "a printable name without : , = and blanks around it"
+    def test_names_that_columns_and_options_cannot_hold(self):
+        expected = "expected a printable name without : , = and blanks around it"
         where = "for columns survival:NAME and --kind NAME=ROBOTS"
-        found = faults_of(nx.DiGraph(nx.trivial_graph(), base=0), kinds=[Kind(name, 1)])
-        assert found[0] == f"kind {name!r}: expected {expected}, {where}"
+        for name in ("a:b", "a,b", "a=b", " a", "a\n", "a\nb", "", 3, np.zeros(2)):
+            found = faults_of(nx.DiGraph(nx.trivial_graph(), base=0), kinds=[Kind(name, 1)])
+            assert found[0] == f"kind {name!r}: {expected}, {where}"
 
     def test_are_read_from_any_mappings(self):
         mapping = MappingProxyType({"name": "rover", "robots": 1})
@@ -268,10 +216,7 @@ class TestKinds:
         assert Mission(team_site(), kinds=BOTH, robots=3).kinds == BOTH
         graph = harbour(graph={"kinds": [{"name": "drone", "robots": 2}], "robots": 3})
         assert Mission(graph, robots=5).kinds == (Kind("drone", 5),)
-        (fault,) = faults_of(graph)
-        assert fault.startswith(
-            "expected robots to be 2, the robots of all kinds together, or none"
-        )
+        assert faults_of(graph)[0].startswith("expected robots to be 2, the robots of all kinds t")
 
     def test_may_leave_nodes_unjoined_or_take_ways_within_limits(self):
         graph, given = unjoined(Kind("drone", 1), Kind("rover", 1))
@@ -282,36 +227,30 @@ class TestKinds:
 
     def test_labels_that_are_unequal_in_strange_ways(self):
         base, other = np.int64(1), (np.int8(3), "x")  # numpy compares these element by element
-        graph = graph_of(
-            {base: {"reward": 1}, other: {"reward": 1}}, [(base, other), (other, base)], survival=1
-        )
+        graph = nx.DiGraph([(base, other), (other, base)])
+        nx.set_node_attributes(graph, 1, "reward")
+        nx.set_edge_attributes(graph, 1, "survival")
         assert Mission(graph, base=base, kinds=[Kind("drone", 1, start=other)]).robots == 1
 
     @pytest.mark.filterwarnings("error")
-    @pytest.mark.parametrize(
-        ("changes", "pays", "lost"),
-        [
+    def test_may_be_unable_to_collect_a_reward_which_is_told(self):
+        # Drones, the only ones that get to the roof, pass no depot.
+        alone = {"lab_dock": {"survival": {"drone": 0, "rover": 0.9}}}
+        for changes, pays, lost in (
             ({"lab": {"share": {"drone": 0, "rover": 0}}}, "arrival", "lab"),
-            # Drones, the only ones that get to the roof, pass no depot.
-            ({"lab_dock": {"survival": {"drone": 0, "rover": 0.9}}}, "return", "roof"),
-        ],
-    )
-    def test_may_be_unable_to_collect_a_reward_which_is_told(self, changes, pays, lost):
-        with pytest.warns(UserWarning, match=rf"no kind of robots can collect .* of '{lost}'\.$"):
-            Mission(team_site(**changes), kinds=BOTH, pays=pays)
-        if pays == "return":
-            Mission(team_site(**changes, roof={"depot": True}), kinds=BOTH, pays=pays)
+            (alone, "return", "roof"),
+        ):
+            said = rf"no kind of robots can collect .* of '{lost}'\.$"
+            with pytest.warns(UserWarning, match=said):
+                Mission(team_site(**changes), kinds=BOTH, pays=pays)
+        Mission(team_site(**alone, roof={"depot": True}), kinds=BOTH, pays="return")
 
 
-def test_errors_show_a_hundred_faults_and_can_be_pickled():
+def test_errors_list_all_faults_and_can_be_pickled():
     graph, given = wild()
     with pytest.raises(MissionError) as caught:
         Mission(graph, **given)
     error = caught.value
     assert str(error) == "\n  - ".join(["Mission 'wild' has 8 faults:", *error.faults])
     twin = pickle.loads(pickle.dumps(error))
-    assert (twin.faults, str(twin)) == (error.faults, str(error))
-    error = MissionError([f"fault {i}" for i in range(102)], "x.json")
-    assert len(error.faults) == 102
-    assert str(error).splitlines()[-2:] == ["  - fault 99", "  - and 2 more"]
-    assert str(MissionError("alone", "x.json")) == "x.json: alone"
+    assert (type(twin), twin.faults, str(twin)) == (MissionError, error.faults, str(error))

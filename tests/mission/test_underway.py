@@ -1,7 +1,6 @@
 """Missions under way: what is left of them after some events."""
 
 import math
-import warnings
 from dataclasses import replace
 from itertools import pairwise, product
 from math import prod
@@ -54,10 +53,8 @@ def expected(mission, trails, states):
         elif how == HOME:
             fates = [(1.0, *fates[-1][1:])]
         else:  # lost on a later arc, or never
-            alive = prod(
-                twins.of_kind(mission.graph.edges[hop]["survival"], kind)
-                for hop in pairwise(trail[: at + 1])
-            )
+            hops = (mission.graph.edges[hop]["survival"] for hop in pairwise(trail[: at + 1]))
+            alive = prod(twins.of_kind(survival, kind) for survival in hops)
             fates = [(chance / alive, *rest) for chance, *rest in fates[at:]]
         possible.append(fates)
     reward = survivors = 0.0
@@ -104,13 +101,13 @@ def test_what_is_left_is_what_enumeration_gives(case, data):
     [found] = left.mission.evaluate([left.plan])
     assert left.banked + found[0] == pytest.approx(reward, rel=1e-12, abs=1e-12)
     assert found[1] == pytest.approx(survivors, rel=1e-12)
-    assert [trails[robot][-1] for robot in left.robots] == [
-        trail[-1] for trail in left.mission.labels(left.plan)
-    ]
+    ends = [trail[-1] for trail in left.mission.labels(left.plan)]
+    assert [trails[robot][-1] for robot in left.robots] == ends
 
 
+@pytest.mark.filterwarnings("ignore:.*no kind of robots can collect")
 @given(missions_with_plans(max_robots=3) | team_missions_with_plans(), st.data())
-def test_two_cuts_are_as_good_as_one(case, data):
+def test_two_cuts_are_as_good_as_one_and_what_is_left_is_valid(case, data):
     mission, plan = case
     states, events = data.draw(moments(mission.labels(plan)))
     assume(keeps_limits(mission, plan) and any(how != LOST for _, how in states))
@@ -122,18 +119,8 @@ def test_two_cuts_are_as_good_as_one(case, data):
     assert first.banked + second.banked == pytest.approx(whole.banked, abs=1e-9)
     [once], [twice] = (left.mission.evaluate([left.plan]) for left in (whole, second))
     assert twice == pytest.approx(once, abs=1e-9)
-
-
-@given(team_missions_with_plans(), st.data())
-def test_what_is_left_is_a_valid_mission(case, data):
-    """Which is not checked when it is made."""
-    mission, plan = case
-    states, events = data.draw(moments(mission.labels(plan)))
-    assume(events and keeps_limits(mission, plan) and any(how != LOST for _, how in states))
-    left = mission.after(plan, events)
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message=".*no kind of robots can collect")
-        again = Mission(left.graph, base=left.base, kinds=left.kinds, pays=left.pays)
+    left = whole.mission  # which is not checked when it is made
+    again = Mission(left.graph, base=left.base, kinds=left.kinds, pays=left.pays)
     assert numbers_digest(again) == numbers_digest(left)
 
 
@@ -157,23 +144,11 @@ def test_no_budget_is_no_budget():
     assert [kind.max_length for kind in left.kinds] == [None, None]
     assert left.max_length is None
 
-
-def test_robots_keep_their_names():
-    toy = load_mission("toy")
-    plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    # Robots keep their names.
+    assert [kind.name for kind in kinds] == ["robot 0", "robot"]
     first = under_way(toy, plan, [Event("reached", 0, 2)])
     rest = first.mission.after(first.plan, [Event("reached", "robot 0", 4)])
-    assert [kind.name for kind in rest.kinds] == ["robot 0", "robot"]
-    assert rest.kinds[0].start == 4
-
-
-def test_played_to_its_end_nothing_is_left():
-    toy = load_mission("toy")
-    plan = toy.plan([[1, 2, 4, 2, 1], [1]])
-    left = under_way(toy, plan, [Event(HOME, 0), Event(HOME, 1)])
-    assert left.mission.world.graph.n_arcs == 0
-    assert left.mission.labels(left.plan) == ((1,), (1,))
-    assert left.mission.evaluate([left.plan]).tolist() == [[0, 2]]
+    assert ([kind.name for kind in rest.kinds], rest.kinds[0].start) == (["robot 0", "robot"], 4)
 
 
 def test_rewards_by_hand():
@@ -212,22 +187,11 @@ def test_limits_are_named():
 def test_bad_events():
     toy = load_mission("toy")
     plan = toy.plan([[1, 2, 4, 2, 1], [1]])
+    reached, lost = Event("reached", 0, 4), Event("lost", 0)
+    others = [Event("reached", 1, 2), Event("home", 2), Event("arrived", 1), Event("home", 1, 2)]
+    others += [Event("lost", "robot"), Event("home", np.int64(1))]
     with pytest.raises(EventError) as caught:
-        toy.after(
-            plan,
-            [
-                Event("reached", 0, 4),
-                Event("reached", 0, 4),
-                Event("lost", 0),
-                Event("lost", 0),
-                Event("reached", 1, 2),
-                Event("home", 2),
-                Event("arrived", 1),
-                Event("home", 1, 2),
-                Event("lost", "robot"),
-                Event("home", np.int64(1)),
-            ],
-        )
+        toy.after(plan, [reached, reached, lost, lost, *others])
     assert str(caught.value).splitlines() == [
         "Event 1: robot 0 reached 4: expected a node of the rest of its trail, 2, 1.",
         "Event 3: robot 0 lost: it is lost already.",
