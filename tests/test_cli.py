@@ -529,7 +529,7 @@ def test_algorithms_of_others(folder, monkeypatch):
     nothing, picky = (("solve", "toy", "-a", f"odd:{name}") for name in ("Infeasible", "Picky"))
     assert refused(*picky).startswith("botohe: Algorithm 'odd:Picky': ")
     for status, args, said in (
-        (1, (*nothing, "-n", 30, "--min-survival", 1), "odd:Infeasible found no plan in 30 "),
+        (1, (*nothing, "-n", 70, "--min-survival", 1), "odd:Infeasible found no plan in 70 "),
         (2, (*picky, "-p", "limit=3"), "Algorithm 'odd:Picky': Expected at most 3 nodes, got 5.\n"),
     ):
         ended = run_botohe(*args)
