@@ -32,7 +32,6 @@ samples = st.lists(
     st.one_of(st.sampled_from([0.0, 0.5, 1.0]), st.floats(0, 1)), min_size=1, max_size=12
 )
 levels = st.floats(0.5, 0.999)
-Z2 = 3.841458820694124  # the square of 1.96
 
 
 def test_median_intervals_by_hand():
@@ -80,16 +79,6 @@ class TestA12:
             assert effect_size(least) == effect_size(1 - least) == word
         between = {0.559: "negligible", 0.361: "small", 0.7099: "medium"}
         assert {effect: effect_size(effect) for effect in between} == between
-
-    def test_intervals_of_one_run_each_by_hand(self):
-        # V = t (1 - t): 1 - t = z² t.
-        low, high = a12_interval([2], [1], confidence=0.95)
-        assert (low, high) == (pytest.approx(1 / (1 + Z2), abs=1e-11), 1.0)
-        assert a12_interval([1], [2], confidence=0.95) == pytest.approx((0, 1 - low), abs=1e-11)
-        # Of a tie: (0.5 - t)² = z² t (1 - t), a quadratic in t.
-        half = 0.5 * math.sqrt(Z2 / (1 + Z2))
-        found = a12_interval([1], [1], confidence=0.95)
-        assert found == pytest.approx((0.5 - half, 0.5 + half), abs=1e-11)
 
     @given(samples, samples, levels)
     def test_the_ends_of_intervals_solve_the_equation(self, x, y, level):
