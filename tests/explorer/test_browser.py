@@ -18,17 +18,8 @@ from botohe_moo.explorer import explore
 from botohe_moo.explorer.data import page_data, sentence
 from botohe_moo.outcomes import reach_probabilities
 from tests.decide.made import solution_of, star, trips
-from tests.explorer import conftest as seen
-from tests.explorer.conftest import (
-    FILLED,
-    NAMELESS,
-    NASTY,
-    WIDTHS,
-    at_hand,
-    downloaded,
-    pinned,
-    shows,
-)
+from tests.explorer import conftest
+from tests.explorer.conftest import FILLED, NASTY, at_hand, downloaded, pinned, shows
 
 pytestmark = pytest.mark.slow
 WRITERS = {"json": plan_json, "csv": plan_csv, "geojson": plan_geojson}
@@ -42,7 +33,7 @@ def view(page):
 
 
 class TestMuseum:
-    @WIDTHS
+    @conftest.WIDTHS
     def test_walk_pin_filter_undo_reload_export(self, opened, museum, museum_page, viewport):
         mission, chosen = museum.mission, museum.choose("survivors >= 2").index
         with opened(museum_page, viewport=viewport) as page:
@@ -197,7 +188,7 @@ class TestMuseum:
             assert len(pinned(page)) == 1
             outline = "getComputedStyle(document.getElementById('pin')).outlineStyle"
             assert page.evaluate(outline) == "solid"
-            assert page.evaluate(NAMELESS) == 0
+            assert page.evaluate(conftest.NAMELESS) == 0
 
 
 ROWS = """(id) => [...document.querySelectorAll(`#${id} tbody tr:not(.group)`)]
@@ -246,7 +237,7 @@ def test_each_number_of_a_plan_is_that_of_the_data(opened, museum, museum_page):
 
 
 def test_labels_are_shown_and_never_executed(opened, tmp_path):
-    mission = Mission(seen.nasty_graph(back=0.8), base="dock", robots=2, name=NASTY[1])
+    mission = Mission(conftest.nasty_graph(back=0.8), base="dock", robots=2, name=NASTY[1])
     trail = ["dock", *(node for label in NASTY for node in (label, "dock"))]
     plans = [mission.plan([trail, ["dock"]]), mission.plan([["dock"], ["dock"]])]
     solution = solution_of(mission, plans)
@@ -256,7 +247,7 @@ def test_labels_are_shown_and_never_executed(opened, tmp_path):
         assert page.evaluate("document.querySelector('h1').textContent") == mission.title
         assert sorted(page.locator("#nodes bdi").all_text_contents()) == sorted(NASTY)
         shown = page.evaluate("document.querySelector('#robots td:last-child').textContent")
-        assert seen.plain(shown).split(" → ")[1::2] == NASTY
+        assert conftest.plain(shown).split(" → ")[1::2] == NASTY
         options = page.locator("#filter-node option").all_text_contents()
         assert options == ["any", "dock", *NASTY]
         sentences = page.evaluate("document.getElementById('words').textContent")
@@ -295,7 +286,7 @@ def test_a_browser_that_cannot_unpack_is_told(opened, toy_page):
 
 
 def test_a_notebook_frame_works(opened, tmp_path):
-    solution = solution_of(*seen.toy_plans([1], [1, 2, 1], [1, 3, 2, 4, 2, 3, 1]))
+    solution = solution_of(*conftest.toy_plans([1], [1, 2, 1], [1, 3, 2, 4, 2, 3, 1]))
     path = tmp_path / "notebook.html"
     path.write_text(f"<!DOCTYPE html><p id=main>{solution._repr_html_()}", "utf-8")
     with opened(path) as page:
@@ -308,7 +299,7 @@ def test_a_notebook_frame_works(opened, tmp_path):
 
 
 def test_kinds_of_robots(opened, tmp_path):
-    solution, names = seen.kinds_solution(), ["drone 0", "drone 1", "rover 2"]
+    solution, names = conftest.kinds_solution(), ["drone 0", "drone 1", "rover 2"]
     path = explore(solution, tmp_path / "kinds.html")
     with opened(path, "#plan=0") as page:
         assert page.locator("#team button").all_inner_texts() == names

@@ -138,15 +138,21 @@ class TestGrid:
         assert (mission.mission.robots, mission.min_survival) == (3, 0.5)
         assert (mission.budget.evaluations, mission.budget.seconds) == (None, 2)
 
-    @pytest.mark.parametrize(("given", "expected"), [({}, 10), (4, 4), (0, 0), ("unlimited", None)])
-    def test_a_travel_budget(self, tmp_path, given, expected):
+    @pytest.mark.parametrize(
+        ("keys", "longest"),
+        [
+            ({}, 10),
+            ({"max_length": 4}, 4),
+            ({"max_length": 0}, 0),
+            ({"max_length": "unlimited"}, None),
+        ],
+    )
+    def test_a_travel_budget(self, tmp_path, keys, longest):
         (tmp_path / "site.txt").write_text("n 3\nm 1\ntmax 10\n0 0 0\n1 0 5\n0 0 0\n")
-        own = {} if given == {} else {"max_length": given}
-        entry = {"mission": str(tmp_path / "site.txt"), **own}
-        study = load_study(changed(missions={"x": entry}))
-        manifest = study.manifest()["missions"]["x"]
-        assert study.missions[0].max_length == manifest["max_length"] == expected
-        assert ("max_length" in study.runs()[0].identity) == (expected is not None)
+        study = load_study(changed(**mission_m(str(tmp_path / "site.txt"), **keys)))
+        manifest = study.manifest()["missions"]["m"]
+        assert study.missions[0].max_length == manifest["max_length"] == longest
+        assert ("max_length" in study.runs()[0].identity) == (longest is not None)
 
 
 class TestIdentity:
