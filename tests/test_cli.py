@@ -516,7 +516,7 @@ ODD = """
         def _setup(self, problem, **_):
             raise ValueError(f"Expected at most 3 nodes, got {len(problem.mission.nodes)}.")
 
-    class Broken(Nothing):
+    class Broken(Infeasible):
         def _infill(self):
             return {}["lost"]
 """
@@ -525,15 +525,19 @@ ODD = """
 def test_algorithms_of_others(folder, monkeypatch):
     Path("odd.py").write_text(textwrap.dedent(ODD))
     monkeypatch.syspath_prepend(folder)
-    nothing, picky = (("solve", "toy", "-a", f"odd:{name}") for name in ("Infeasible", "Picky"))
+    infeasible, picky, broken = (
+        ("solve", "toy", "-a", f"odd:{name}") for name in ("Infeasible", "Picky", "Broken")
+    )
     assert refused(*picky).startswith("botohe: Algorithm 'odd:Picky': ")
+    failed = r"algorithm 'odd:Broken' failed: KeyError: 'lost' \(\S+odd\.py, line \d+\)\.\n"
     for status, args, said in (
-        (1, (*nothing, "-n", 70, "--min-survival", 1), "odd:Infeasible found no plan in 70 "),
+        (1, (*infeasible, "-n", 70, "--min-survival", 1), "odd:Infeasible found no plan in 70 "),
         (2, (*picky, "-p", "limit=3"), "Algorithm 'odd:Picky': Expected at most 3 nodes, got 5.\n"),
+        (1, broken, failed),
     ):
         ended = run_botohe(*args)
         assert ended.status == status
-        assert ended.err.startswith(f"botohe: {said}")
+        assert re.match(f"botohe: {said}", ended.err)
     assert done("algorithms", "odd:Picky") == (
         "odd:Picky: Refuse every mission.\n\n"
         "  limit  (int)\n      How many nodes there may be at most.\n\n"
@@ -620,7 +624,8 @@ class TestChoose:
         lines = done("choose", solved, "survivors >= 1.5").splitlines()
         rows = [row for row in front_in(solved) if row[2] >= 1.5]
         plan_id, reward, survivors = max(rows, key=lambda row: row[1])
-        assert lines[0] == f"plan {plan_id}: reward {reward:.4g}, survivors {survivors:.4g}"
+        means = f"expected reward {reward:.4g}, expected survivors {survivors:.4g}"
+        assert lines[0] == f"plan {plan_id}: {means}"
         assert f"plan {plan_id} has the most reward with survivors >= 1.5" in lines[1]
         assert lines[-1] == f"`botohe explore {solved}` makes a page that shows it on the map."
         for robot, trail in enumerate(plans_in(solved)["plans"][plan_id]["trails"]):
@@ -652,7 +657,7 @@ class TestChoose:
         path.write_text(json.dumps(content))
         fly = ["choose", "solved", "--plan", 2, "--out", "site.plan"]
         assert done(*fly, "--altitude", 30).splitlines()[-1] == "wrote site-1.plan"
-        assert "altitude (of a multicopter, in metres) to be a number > 0" in refused(*fly)
+        assert "an altitude for the multicopter, in metres (--altitude)" in refused(*fly)
         done(*fly, "--vehicle", "submarine", "--altitude", -4)
         sea = json.loads(Path("site-1.plan").read_text())["mission"]
         assert (sea["vehicleType"], sea["items"][0]["Altitude"]) == (12, -4)

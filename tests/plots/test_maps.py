@@ -128,7 +128,8 @@ class TestPlan:
         assert [read.map_name(one) for one in (team, *own)] == names
         reward, survivors = MUSEUM.evaluate([MUSEUM_PLAN])[0]
         objectives = f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}"
-        assert read.words(ax) == f"{objectives}; numbers: order of visit; staying at 1: R2"
+        said = "numbers on each robot's own map: order of visit; staying at 1: R2"
+        assert read.words(ax) == f"{objectives}; {said}"
         assert read.visits_drawn(MUSEUM, own[0]) == read.visits_of(MUSEUM_PLAN.trails[0])
         assert read.visits_drawn(MUSEUM, own[1]) == {1: [1, 3], 20: [2], 0: [4]}
 

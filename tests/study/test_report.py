@@ -229,6 +229,15 @@ class TestReport:
         assert said in text
         assert "max length" not in text
 
+    def test_if_it_is_interrupted_all_files_stay(self, tmp_path, monkeypatch):
+        tables = made_study(tmp_path, content_of(["m"], ["A"], seeds=1), growing)
+        before = {path: path.read_bytes() for path in write_report(tables)}
+        monkeypatch.setattr(report, "render_page", Mock(side_effect=KeyboardInterrupt))
+        with pytest.raises(KeyboardInterrupt):
+            write_report(replace(tables, runs=tables.runs.assign(area=0.5)))
+        files = [path for path in (tables.folder / "report").rglob("*") if path.is_file()]
+        assert {path: path.read_bytes() for path in files} == before
+
     @pytest.mark.slow
     @pytest.mark.filterwarnings("ignore:Glyph")  # of scripts that the font has not
     def test_labels_of_any_script_and_length_can_be_drawn(self, tmp_path, monkeypatch):

@@ -449,7 +449,10 @@ class TestCommands:
         algorithms = {"bad": f"{MADE}:Doing", "good": "random"}
         path, folder = tmp_path / "s.json", tmp_path / "out"
         path.write_text(json.dumps(study_of(algorithms=algorithms, seeds=1)))
-        assert "2 runs: 0 are there, 2 to go" in invoke("plan", path, "--out", folder)
+        said = invoke("plan", path, "--out", folder)
+        assert "2 runs: 0 are there, 2 to go" in said
+        assert "With 1 seed, no difference can be significant at 0.05 after" in said
+        assert said.endswith(": 4 seeds are needed")  # 2 / binomial(8, 4) = 0.029
         assert not folder.exists()
         said = invoke("run", path, "--out", folder, status=1)
         for part in ("bad on toy, seed 1: failed: RuntimeError: out of luck", "1 run failed"):
