@@ -1,6 +1,6 @@
 """The ``botohe`` command: in this process, and as a process what only a process shows."""
 
-import csv
+import contextlib
 import fcntl
 import itertools
 import json
@@ -114,10 +114,7 @@ def names_in(folder):
 
 
 def front_in(folder):
-    with (folder / "front.csv").open(newline="") as file:
-        names, *rows = csv.reader(file)
-    assert names == ["plan_id", "reward", "survivors"]
-    return [(int(plan_id), float(reward), float(survivors)) for plan_id, reward, survivors in rows]
+    return [(p["plan_id"], p["reward"], p["survivors"]) for p in plans_in(folder)["plans"]]
 
 
 def plans_in(folder):
@@ -130,38 +127,24 @@ def flat(text):
 
 
 def write_pier(name="pier.json", **graph):
-    """Write a mission file."""
-    ends = [("a", "b", 0.9), ("b", "a", 0.8)]
-    content = {
-        "directed": True,
-        "multigraph": False,
-        "graph": {"name": "pier", "base": "a", "robots": 2, **graph},
-        "nodes": [{"id": "a", "reward": 0}, {"id": "b", "reward": 1.5}],
-        "edges": [{"source": tail, "target": head, "survival": p} for tail, head, p in ends],
-    }
+    """Write a mission file with other attributes of the graph."""
+    content = json.loads((Path(__file__).parent / "data" / "pier.json").read_text("utf-8"))
+    content["graph"] |= graph
     Path(name).write_text(json.dumps(content))
     return name
 
 
 class TestSolve:
-    def test_files_and_what_is_printed(self, started):
+    def test_files_and_what_is_printed(self, started, monkeypatch):
         ended, folder = started
         assert (ended.status, ended.err) == (0, "")
         assert names_in(folder) == FILES
-        names = [*TABLES[::2], "mission.json", "front.png", "mission.png"]
+        names = ["front.csv", "plans.json", "mission.json", "front.png", "mission.png"]
         wrote = [line for line in ended.out.splitlines() if line.startswith("wrote ")]
         assert wrote == [f"wrote out/{name}" for name in names]
         assert "5 nodes, 12 arcs, 2 robots, total reward 10" in ended.out
         assert "spent 250 evaluations" in ended.out
-        mission, plans = load_mission("toy"), plans_in(folder)["plans"]
-        evaluated = mission.evaluate([mission.plan(plan["trails"]) for plan in plans]).tolist()
-        front = front_in(folder)
-        assert len(front) > 3
-        assert [list(row[1:]) for row in front] == evaluated
-        assert [(p["plan_id"], p["reward"], p["survivors"]) for p in plans] == front
-
-    def test_what_comes_next(self, started, monkeypatch):
-        ended, folder = started
+        assert len(front_in(folder)) > 3
         commands = ended.out.partition("\nNext:\n")[2].splitlines()
         explore, choose = (shlex.split(command)[1:] for command in commands)
         assert explore == ["explore", "out", "--open"]
@@ -178,15 +161,10 @@ class TestSolve:
 
     def test_a_travel_budget(self):
         Path("sites.txt").write_text("n 4\nm 1\ntmax 4.5\n0 0 0\n2 0 5\n0 3 1\n0 0 0\n")
-        found = {}
-        for limit, said in ((None, ", travel budget 4.5"), (3, ", travel budget 3"), ("inf", "")):
-            given = [] if limit is None else ["--max-length", limit]
-            out = done("solve", "sites.txt", "-a", "greedy", "-n", 50, *given, "-o", "found")
-            assert f"total reward 6{said}\n" in out
-            content, mission = plans_in("found"), load_mission("found/mission.json")
-            plans = [mission.plan(plan["trails"]) for plan in content["plans"]]
-            found[content["max_length"]] = mission.trail_lengths(plans).max()
-        assert found == {4.5: 4, 3: 0, None: pytest.approx(5 + 13**0.5)}
+        solve = ("solve", "sites.txt", "-a", "greedy", "-n", 50, "-o", "found")
+        for given, said in ((), "6, travel budget 4.5"), (("--max-length", "inf"), "6"):
+            assert f"total reward {said}\n" in done(*solve, *given)
+        assert plans_in("found")["max_length"] is None
 
     def test_parameters(self):
         done(
@@ -197,11 +175,9 @@ class TestSolve:
         content = plans_in("results/solve/terrain")
         expected = {"n_ants": 20, "evaporation": 0.1, "heuristic": False}
         assert content["parameters"] == expected | {"initial_pheromone": "bounds"}
-        assert content["seed"] == 10**30
         mission = load_mission(**content["mission_source"])
-        assert (len(mission.nodes), mission.robots, content["robots"]) == (9, 4, 4)
-        for plan in content["plans"]:
-            mission.plan(plan["trails"])
+        sizes = len(mission.nodes), mission.robots, content["robots"], content["seed"]
+        assert sizes == (9, 4, 4, 10**30)
 
     def test_without_a_folder_nothing_is_written_over(self):
         taken = Path("results", "solve", "toy", "front.csv")
@@ -265,7 +241,7 @@ class TestStreams:
         pier = write_pier(title="λ and more")
         ended = forked("solve", pier, "-n", 9, "-o", "out\udcff", code=code)
         assert (ended.status, ended.err) == (0, "")
-        assert ended.out.startswith(r"\u03bb and more: 2 nodes")
+        assert ended.out.startswith(r"\u03bb and more: 3 nodes")
         assert r"wrote out\udcff/front.csv" in ended.out
         assert names_in("out\udcff") == FILES
 
@@ -281,16 +257,17 @@ class TestStreams:
         assert capsys.readouterr().err == said
 
 
-def run_python(code, folder):
-    """Run a program in a new interpreter, and return the words of each line that it says."""
-    command = [sys.executable, "-c", textwrap.dedent(code)]
-    ran = subprocess.run(command, cwd=folder, capture_output=True, text=True)
-    assert ran.returncode == 0
-    return [set(line.split()) for line in ran.stderr.splitlines()]
-
-
 class TestWhatIsLoaded:
-    def test_help_waits_for_nothing(self, folder):
+    """In a new interpreter, which says the names of modules."""
+
+    @staticmethod
+    def run_python(code):
+        command = [sys.executable, "-c", textwrap.dedent(code)]
+        ran = subprocess.run(command, capture_output=True, text=True)
+        assert ran.returncode == 0
+        return [set(line.split()) for line in ran.stderr.splitlines()]
+
+    def test_help_waits_for_nothing(self):
         code = """
             import sys
             from botohe_moo import cli
@@ -298,15 +275,15 @@ class TestWhatIsLoaded:
             try:
                 cli.main()
             finally:
-                print(*sorted({name.partition(".")[0] for name in sys.modules}), file=sys.stderr)
+                print(*sys.modules, file=sys.stderr)
         """
-        (loaded,) = run_python(code, folder)
+        (loaded,) = self.run_python(code)
         assert {"typer", "botohe_moo"} <= loaded
         slow = {"numpy", "numba", "pandas", "pymoo", "matplotlib", "seaborn", "networkx", "yaml"}
         assert not loaded & slow
 
     @pytest.mark.slow
-    def test_pictures_are_not_waited_for(self, folder):
+    def test_pictures_are_not_waited_for(self):
         code = """
             import sys
             from botohe_moo import cli
@@ -321,7 +298,7 @@ class TestWhatIsLoaded:
             sys.argv = ["botohe", "solve", "toy", "-n", "100", "-o", "out"]
             cli.main()
         """
-        *_, front, pictures = run_python(code, folder)
+        *_, front, pictures = self.run_python(code)
         assert {"botohe_moo.solution", "numba"} <= front
         assert not front & {"matplotlib.pyplot", "scipy.spatial"}
         assert not pictures & {"seaborn", "pandas", "scipy.stats"}
@@ -341,15 +318,26 @@ PRESSED = """
 """
 
 
+@contextlib.contextmanager
+def killed_after(seconds, process):
+    """Should Ctrl-C do nothing."""
+    alarm = threading.Timer(seconds, process.kill)
+    alarm.start()
+    try:
+        yield
+    finally:
+        alarm.cancel()
+        process.kill()
+
+
 @pytest.mark.slow
 class TestInterruption:
-    def test_in_a_terminal(self, folder):
+    def test_in_a_terminal(self):
         """A huge budget in a pseudo-terminal: watch the progress bar, then press Ctrl-C."""
         ours, theirs = pty.openpty()
         fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
         process = subprocess.Popen(
             [BOTOHE, "solve", "toy", "-a", "bo-aco", "--evaluations", str(10**9), "--out", "out"],
-            cwd=folder,
             env={**os.environ, "TERM": "xterm", "COLUMNS": "80"},
             stdout=subprocess.PIPE,
             stderr=theirs,
@@ -358,39 +346,29 @@ class TestInterruption:
         )
         os.close(theirs)
         shown, pressed = b"", False
-        alarm = threading.Timer(120, process.kill)  # should Ctrl-C do nothing
-        alarm.start()
-        try:
-            while True:
-                try:
+        times = rb"area 0\.[5-9]\d{3}  \d:\d\d:\d\d +\d+:\d\d:\d\d"  # passed and left
+        with killed_after(120, process):
+            with contextlib.suppress(OSError):  # the other end is closed
+                while True:
                     shown += os.read(ours, 65536)
-                except OSError:  # the other end is closed
-                    break
-                plain = re.sub(rb"\x1b\[[0-9;?]*[A-Za-z]", b"", shown)
-                times = rb"area 0\.[5-9]\d{3}  \d:\d\d:\d\d +\d+:\d\d:\d\d"  # passed and left
-                if not pressed and re.search(times, plain):
-                    pressed = True
-                    process.send_signal(signal.SIGINT)
+                    plain = re.sub(rb"\x1b\[[0-9;?]*[A-Za-z]", b"", shown)
+                    if not pressed and re.search(times, plain):
+                        pressed = True
+                        process.send_signal(signal.SIGINT)
             out = process.communicate()[0]
-        finally:
-            alarm.cancel()
-            process.kill()
-            os.close(ours)
-        assert pressed
+        os.close(ours)
         assert b"% " in plain
         assert b" evaluations " in plain
         assert b"\n" + STOPPING.strip().encode() + b"\r\n" in plain
         assert shown.rindex(b"\x1b[?25h") > shown.rindex(b"\x1b[?25l")  # the cursor is there again
         assert process.returncode == 130
         assert "stopped after" in out
-        assert names_in(".") == ["out"]
         assert names_in("out") == FILES
         content = plans_in("out")
         assert content["interrupted"] is True
-        assert 0 < content["evaluations"] < 10**9
         assert content["evaluations"] % 100 == 0  # no iteration was left half-done
 
-    def test_it_is_answered_at_once(self, folder):
+    def test_it_is_answered_at_once(self):
         """The answer comes while the first iteration goes on, which ends when we say so."""
         code = """
             import ctypes, os, signal, sys
@@ -412,17 +390,12 @@ class TestInterruption:
         """
         streams = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
         command = [sys.executable, "-c", textwrap.dedent(code)]
-        process = subprocess.Popen(command, cwd=folder, text=True, **streams)
-        alarm = threading.Timer(120, process.kill)
-        alarm.start()
-        try:
+        process = subprocess.Popen(command, text=True, **streams)
+        with killed_after(120, process):
             assert "computing\n" in iter(process.stdout.readline, "")
             process.send_signal(signal.SIGINT)
             assert process.stderr.readline() == STOPPING  # while it computes
             out, err = process.communicate("x")
-        finally:
-            alarm.cancel()
-            process.kill()
         assert (process.returncode, err) == (130, "")
         assert "stopped after" in out
         assert plans_in("out")["interrupted"] is True
@@ -433,7 +406,7 @@ class TestInterruption:
         assert (ended.status, ended.err) == (130, STOPPING)
         assert names_in(".") == []
 
-    def test_while_bounding_it_keeps_what_is_proved(self, forked, folder):
+    def test_while_bounding_it_keeps_what_is_proved(self, forked):
         code = PRESSED.format(module="botohe_moo.bounds.proof", name="LocalSearch", times=1)
         args = ["solve", "art_museum", "-n", 200, "--out", "out", "--certify", 20]
         ended = forked(*args, code=code)
@@ -462,19 +435,16 @@ def test_progress_in_lines_where_there_is_no_terminal(capfd):
 REFUSED = {
     "solve toy --evaluations 0": ["'--evaluations'", "greater than or equal to 1"],
     "solve toy --min-survival 1.5": ["Expected min_survival in [0, 1], got 1.5."],
-    "solve toy --max-length nan": ["max_length"],
     "solve toy --sed 1": ["--sed", "--seed"],
     "solve toy -a boaco": ["'boaco': no such algorithm; known are bo-aco, "],
     "solve toy -a bo-aco -p evaporation=1.3 -p heuristic=maybe": [
         "'bo-aco': Expected evaporation in (0, 1), got 1.3.",
         "Expected heuristic to be true or false, got 'maybe'.",
     ],
-    "solve toy -p n_islands=0": ["Expected n_islands in [1, ", "got 0."],
     "solve toy -a greedy -p n_threads=2": ["there is no parameter 'n_threads'"],
     "solve toy --certify 0": ["'--certify': Input should be greater than or equal to"],
     "solve toy --certify 1 --problem least-survival": ["no --problem with --certify"],
     "solve toy -p n_ants=1 -p n_ants=2": ["Expected 'n_ants' once, got it again"],
-    "solve toy -p n_ants": ["Expected a parameter as NAME=VALUE, got 'n_ants'."],
     "solve toy -p n_ants=[1": ["a number, true, false or text for 'n_ants', got '[1'"],
     "solve toy --out file": ["botohe: file: expected a folder to write to\n"],
     "solve toy --out ''": ["expected a path, got an empty text"],  # a variable that is not set
@@ -486,19 +456,16 @@ REFUSED = {
     "solve lost.json": ["botohe: lost.json: no such file"],
     "solve power-plant": ["no such mission; known are power_plant"],
     "missions show terrain -m nodes=many": ["Expected nodes to be an integer >= 2, got 'many'."],
-    "algorithms boaco": ["known are bo-aco, "],
     "slove": ["'slove'", "'solve'", "botohe --help"],
     "choose SOLVED 'survivors >= 1' --plan 1": ["only one of wishes", "got wishes and --plan."],
     "choose SOLVED --out plan.json": ["Expected wishes, --toward or --plan with --out, got none"],
     "choose SOLVED --most reward": ["Expected wishes with --most, got none"],
     "choose SOLVED --plan 99": ["Expected --plan in [0, ", "], got 99"],
-    "choose SOLVED --plan 1 --out a/plan.csv": ["a: no such folder"],
     "choose SOLVED --plan 2 --out folder.png": ["folder.png: expected a file, found a folder"],
     "choose SOLVED --plan 1 --out SOLVED/plans.json": ["a file of the solution itself"],
     "choose SOLVED --plan 2 --out site.plan --altitude 30": [
         "geographic=true); 'toy' does not say"
     ],
-    "bound toy --out .": [".: expected a file, found a folder"],
     "bound toy --front SOLVED --max-length 5": ["neither --min-survival nor --max-length"],
     "bound toy --robots 3 --front SOLVED": [
         "another mission than 'toy'",
@@ -507,7 +474,6 @@ REFUSED = {
     "bound rest.json": ["botohe bound does not support mission 'toy'"],
     "solve rest.json --certify 5": ["--certify does not support mission 'toy', in which robots"],
     "replan SOLVED events.csv --plan 0": ["events.csv, row 3: robot 0 reached 2: it is lost"],
-    "replan SOLVED events.csv --plan 99": ["Expected --plan"],
     "replan SOLVED events.csv --plan 0 --out SOLVED": ["the folder of the plan itself"],
     "replay SOLVED --plan 0 --policy often --out page.html": ["Expected policy"],
     "replay SOLVED --plan 0 --out a.txt": ["ends in one of .html"],
@@ -533,21 +499,10 @@ def test_what_is_refused(solved, line):
 
 
 ODD = """
-    from pymoo.core.algorithm import Algorithm
+    from tests.study.algorithms_made import Infeasible
 
-    class Nothing(Algorithm):
-        '''Find what is hard to :class:`beat`.'''
-
-        def _initialize_advance(self, **_):
-            self.evaluator.n_eval += 10
-
-        _advance = _initialize_advance
-
-        def _set_optimum(self):
-            pass
-
-    class Picky(Nothing):
-        '''Refuse every mission.
+    class Picky(Infeasible):
+        '''Refuse every :class:`mission`.
 
         Parameters
         ----------
@@ -555,13 +510,13 @@ ODD = """
             How many ``nodes`` there may be at most.
         '''
 
-        def __init__(self, *, limit: int, style: "str | None" = None, start: list[Algorithm] = ()):
+        def __init__(self, *, limit: int, style: "str | None" = None, start: list[Infeasible] = ()):
             super().__init__()
 
         def _setup(self, problem, **_):
             raise ValueError(f"Expected at most 3 nodes, got {len(problem.mission.nodes)}.")
 
-    class Broken(Nothing):
+    class Broken(Infeasible):
         def _infill(self):
             return {}["lost"]
 """
@@ -570,21 +525,19 @@ ODD = """
 def test_algorithms_of_others(folder, monkeypatch):
     Path("odd.py").write_text(textwrap.dedent(ODD))
     monkeypatch.syspath_prepend(folder)
-    ended = run_botohe("solve", "toy", "-a", "odd:Nothing", "-n", 30)
-    expected = "botohe: odd:Nothing found no plan in 30 evaluations; nothing is written.\n"
-    assert (ended.status, ended.err) == (1, expected)
-    picky = ("solve", "toy", "-a", "odd:Picky")
-    assert refused(*picky).startswith("botohe: Algorithm 'odd:Picky': ")
-    ended = run_botohe(*picky, "-p", "limit=3")
-    expected = "botohe: Algorithm 'odd:Picky': Expected at most 3 nodes, got 5.\n"
-    assert (ended.status, ended.err) == (2, expected)
-    ended = run_botohe("solve", "toy", "-a", "odd:Broken")
-    assert ended.status == 1
-    assert re.fullmatch(
-        r"botohe: algorithm 'odd:Broken' failed: KeyError: 'lost' \(\S+odd\.py, line \d+\)\.\n",
-        ended.err,
+    infeasible, picky, broken = (
+        ("solve", "toy", "-a", f"odd:{name}") for name in ("Infeasible", "Picky", "Broken")
     )
-    assert done("algorithms", "odd:Nothing") == "odd:Nothing: Find what is hard to beat.\n"
+    assert refused(*picky).startswith("botohe: Algorithm 'odd:Picky': ")
+    failed = r"algorithm 'odd:Broken' failed: KeyError: 'lost' \(\S+odd\.py, line \d+\)\.\n"
+    for status, args, said in (
+        (1, (*infeasible, "-n", 70, "--min-survival", 1), "odd:Infeasible found no plan in 70 "),
+        (2, (*picky, "-p", "limit=3"), "Algorithm 'odd:Picky': Expected at most 3 nodes, got 5.\n"),
+        (1, broken, failed),
+    ):
+        ended = run_botohe(*args)
+        assert ended.status == status
+        assert re.match(f"botohe: {said}", ended.err)
     assert done("algorithms", "odd:Picky") == (
         "odd:Picky: Refuse every mission.\n\n"
         "  limit  (int)\n      How many nodes there may be at most.\n\n"
@@ -595,18 +548,19 @@ def test_algorithms_of_others(folder, monkeypatch):
 
 
 class TestListings:
-    def test_algorithms(self):
+    def test_algorithms_and_parameters(self):
         out = done("algorithms")
         assert re.search(r"^bo-aco +Bi-objective ant colony", out, re.MULTILINE)
         assert re.search(r"^exact .* Not for kinds of robots", out, re.MULTILINE)
-
-    def test_parameters(self):
         out = done("algorithms", "bo-aco")
-        assert "\n  evaporation = 0.04  (float, in (0, 1))\n" in out
-        assert "evaporates in an iteration.\n" in out
-        assert "\n  initial_pheromone = 1.0  (float or 'bounds', > 0)\n" in out
-        assert "\n  sampling  (from Python only)\n" in out
-        assert "-p n_ants=100`" in out
+        for said in (
+            "\n  evaporation = 0.04  (float, in (0, 1))\n",
+            "evaporates in an iteration.\n",
+            "\n  initial_pheromone = 1.0  (float or 'bounds', > 0)\n",
+            "\n  sampling  (from Python only)\n",
+            "-p n_ants=100`",
+        ):
+            assert said in out
 
     def test_they_are_wrapped_to_the_terminal(self):
         for args in (["missions"], ["algorithms", "bo-aco"]):
@@ -624,8 +578,8 @@ class TestListings:
 
     def test_checks(self):
         good, bad = write_pier(), write_pier(robots=0, name="bad.json")
-        said = "pier.json: a valid mission, 2 nodes, 2 arcs, 2 robots, total reward 1.5\n"
-        said += "  rewards 0 to 1.5, survivals 0.8 to 0.9\n"
+        said = "pier.json: a valid mission, 3 nodes, 3 arcs, 2 robots, total reward 3.5\n"
+        said += "  rewards 0 to 2.5, survivals 0.8 to 1; without effect: dangers\n"
         assert done("missions", "check", good) == said
         ended = run_botohe("missions", "check", bad, "lost.json", "art_musuem", good)
         assert (ended.status, ended.out) == (2, said)
@@ -661,22 +615,15 @@ def test_options_of_missions():
         done(*site, "--danger", 2, "-m", "reward=3", "--out", "out")
     mission = read_solution("out").mission
     assert (mission.base, mission.robots, mission.total_reward) == (2, 3, 9)  # 3 of 4 are left
-    text = "image: map.png\nmode: scale\nresolution: 1\norigin: [-1, -1]\nnegate: 1\n"
-    Path("map.yaml").write_text(text)
-    Image.fromarray(np.zeros((9, 9), np.uint8)).save("map.png")
-    with pytest.warns(UserWarning, match="Left out"):
-        done(*site, "--danger", 2, "--hazard", "map.yaml", "--out", "safe")
-    assert (read_solution("safe").mission.world.graph.survival == 1).all()
 
 
 class TestChoose:
     """On the front that `solved` has; the toy has two robots and a total reward of 10."""
 
     def test_by_a_wish(self, solved):
-        out = done("choose", solved, "survivors >= 1.5")
+        lines = done("choose", solved, "survivors >= 1.5").splitlines()
         rows = [row for row in front_in(solved) if row[2] >= 1.5]
         plan_id, reward, survivors = max(rows, key=lambda row: row[1])
-        lines = out.splitlines()
         means = f"expected reward {reward:.4g}, expected survivors {survivors:.4g}"
         assert lines[0] == f"plan {plan_id}: {means}"
         assert f"plan {plan_id} has the most reward with survivors >= 1.5" in lines[1]
@@ -696,14 +643,10 @@ class TestChoose:
         """What is in them is tested where they are written."""
         pick = ("choose", solved, "--plan", 2, "--out")
         assert done(*pick, "plan.csv").endswith("wrote plan.csv\n")
-        found = [[], []]
-        for row in csv.DictReader(Path("plan.csv").read_text().splitlines()):
-            found[int(row["robot"])].append(int(row["node"]))
-        assert found == plans_in(solved)["plans"][2]["trails"]
+        assert Path("plan.csv").read_text().startswith("robot,")
         names = ["graph.geojson", "robot_0.json", "robot_1.json"]
         wrote = [f"wrote robots/nav2/{name}" for name in names]
         assert done(*pick, "robots/nav2").splitlines()[-3:] == wrote
-        assert names_in("robots/nav2") == names
         done(*pick, "plan.pdf")
         assert Path("plan.pdf").read_bytes().startswith(b"%PDF")
 
@@ -715,9 +658,8 @@ class TestChoose:
         fly = ["choose", "solved", "--plan", 2, "--out", "site.plan"]
         assert done(*fly, "--altitude", 30).splitlines()[-1] == "wrote site-1.plan"
         assert "an altitude for the multicopter, in metres (--altitude)" in refused(*fly)
-        dive = ["choose", "solved", "--plan", 2, "--out", "sea.plan", "--vehicle", "submarine"]
-        done(*dive, "--altitude", -4)
-        sea = json.loads(Path("sea-1.plan").read_text())["mission"]
+        done(*fly, "--vehicle", "submarine", "--altitude", -4)
+        sea = json.loads(Path("site-1.plan").read_text())["mission"]
         assert (sea["vehicleType"], sea["items"][0]["Altitude"]) == (12, -4)
 
     def test_the_impossible(self, solved):
@@ -743,17 +685,16 @@ class TestBound:
         out = done("bound", "toy", "--front", solved, "--out", "bound.json")
         toy, solution = load_mission("toy"), read_solution(solved)
         bound = FrontBound.load("bound.json", toy)
-        title, empty, verdict, blank, head, *rows, wrote = out.splitlines()
+        title, _, verdict, _, head, *rows, wrote = out.splitlines()
         assert title == f"{toy.title}: 5 nodes, 12 arcs, 2 robots, total reward 10"
-        assert (empty, blank, wrote) == ("", "", "wrote bound.json")
+        assert wrote == "wrote bound.json"
         self.check(verdict, bound, solution)
         assert head.split() == ["expected", "survivors", "reward", "at", "most", "found"]
         assert len(rows) == 9
         for row in rows:
             survivors, most, found = map(float, row.split())
-            assert most == pytest.approx(bound.bound(survivors), rel=1e-3)
             within = solution.objectives[solution.objectives[:, 1] >= survivors - 1e-9, 0]
-            assert found == pytest.approx(within.max(), rel=1e-3)
+            assert (most, found) == pytest.approx((bound.bound(survivors), within.max()), rel=1e-3)
 
     def test_the_limits_of_the_front_count(self):
         args = ["solve", "toy", "-a", "greedy", "-n", 50, "--min-survival", 0.4]
@@ -816,8 +757,8 @@ class TestUnderWay:
         played = {"price": 2, "missions": 30}
         outcomes = simulate_policy(solution.mission, solution.plans[0], "losses", **played)
         tables = (text.splitlines()[1:4] for text in (out, str(outcomes)))
-        for told, made in zip(*tables, strict=True):
-            assert told.split()[:-1] == made.split()[:-1]  # the last are seconds
+        told, made = ([line.split()[:-1] for line in lines] for lines in tables)
+        assert told == made  # the last are seconds
         assert out.startswith("One more survivor costs 2 reward.")
         assert Path("policies.png").stat().st_size > 10_000
 
@@ -845,19 +786,12 @@ def test_explore(solved, folder, monkeypatch):
 class TestImport:
     TABLES = ("missions", "import", "--nodes", "nodes.csv", "--arcs", "arcs.csv", "--both-ways")
 
-    def rooms(self):
-        """Write a site of 2 x 4 rooms, drawn up by hand as two tables."""
-        nodes, arcs = ["Label;Reward;X;Y"], ["Tail,Head,Survival"]
-        for room in range(1, 9):
-            row, column = divmod(room - 1, 4)
-            nodes.append(f"{room};{room % 7};{column};{row}")
-            arcs += [f"{room},{room + 1},0.9{room}"] * (column < 3)
-            arcs += [f"{room},{room + 4},0.9"] * (row < 1)
-        Path("nodes.csv").write_text("\n".join(nodes), "utf-8-sig")
-        Path("arcs.csv").write_text("\n".join([*arcs, ""]))
-
     def test_from_tables_to_a_plan(self):
-        self.rooms()
+        nodes = [f"{room};{room % 7};{(room - 1) % 4};{(room - 1) // 4}" for room in range(1, 9)]
+        arcs = [f"{room},{room + 1},0.9{room}" for room in (1, 2, 3, 5, 6, 7)]
+        arcs += [f"{room},{room + 4},0.9" for room in range(1, 5)]
+        Path("nodes.csv").write_text("\n".join(["Label;Reward;X;Y", *nodes]), "utf-8-sig")
+        Path("arcs.csv").write_text("\n".join(["Tail,Head,Survival", *arcs, ""]))
         args = [*self.TABLES, "--base", 1, "--robots", 2, "-m", "title=Rooms"]
         brief = (
             "8 nodes, 20 arcs, 2 robots, total reward 22\n  rewards 0 to 6, survivals 0.9 to 0.97"
@@ -866,14 +800,10 @@ class TestImport:
         mission = load_mission("site.json")
         assert (mission.name, mission.title, mission.base) == ("site", "Rooms", "1")
         done("solve", "site.json", "-n", 200, "--out", "found")
-        wish = "P(survivors >= 1) >= 0.6 and reach 4 >= 0.5"
-        for name in ("plan.json", "plan.geojson"):
-            done("choose", "found", wish, "--out", name)
+        done("choose", "found", "P(survivors >= 1) >= 0.6 and reach 4 >= 0.5", "--out", "plan.json")
         content = json.loads(Path("plan.json").read_text())
         plan = mission.plan(content["trails"])
         assert mission.evaluate([plan]).tolist() == [[content["reward"], content["survivors"]]]
-        shapes = json.loads(Path("plan.geojson").read_text())["features"]
-        assert shapes[0]["geometry"]["coordinates"][0] == [0, 0]
         done(*args, "-m", "lengths_from_pos=true", "--max-length", 9, "--out", "long.json")
         mission = load_mission("long.json")
         assert (mission.max_length, mission.graph.edges["1", "5"]["length"]) == (9, 1)
@@ -981,13 +911,11 @@ class TestFromMap:
 
 def test_what_a_terminal_would_obey_is_written_as_escapes_but_kept_in_files():
     codes = "\x1b]0;x\x07\x9b31m\u202e"
-    dock, label, title = f"dock{codes}", f"reef{codes}", f"Pier{codes}, 漁夫 👨\u200d👩"
-    graph = nx.DiGraph(title=title)
-    graph.add_node(dock, reward=0)
-    graph.add_node(label, reward=1)
-    graph.add_edge(dock, label, survival=0.9)
-    graph.add_edge(label, dock, survival=0.9)
-    save_mission(Mission(graph, base=dock, robots=1), "pier.json")
+    label, title = f"reef{codes}", f"Pier{codes}, 漁夫 👨\u200d👩"
+    graph = nx.DiGraph([("dock", label), (label, "dock")], title=title)
+    nx.set_node_attributes(graph, {"dock": 0, label: 1}, "reward")
+    nx.set_edge_attributes(graph, 0.9, "survival")
+    save_mission(Mission(graph, base="dock", robots=1), "pier.json")
     shown = done("missions", "show", "pier.json")
     assert r"Pier\x1b]0;x\x07\x9b31m\u202e, 漁夫 👨‍👩" in shown
     done("solve", "pier.json", "-a", "greedy", "-n", 50, "--out", "found")

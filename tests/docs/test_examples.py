@@ -1,15 +1,14 @@
 """The packages that the guides build, installed as they stand, do what the guides say."""
 
-import csv
 import os
 import shlex
 import shutil
-import subprocess
 import sys
 import tomllib
 
 import pytest
 
+from botohe_moo import read_solution
 from botohe_moo.study import read_study
 from tests.base.test_installed import botohe, pip_install, search_path, write_wheel
 from tests.docs.guides import DOCS, blocks
@@ -19,6 +18,14 @@ pytestmark = pytest.mark.slow
 EXAMPLES = DOCS / "examples"
 # Packages with entry points: these are installed by pip, and found by their names.
 PACKAGES = ("botohe-drift", "botohe-edges", "botohe-tower", "botohe-rich-visit", "botohe-spacing")
+# The study file that a guide's commands use: one of the package, or shown, with its runs.
+STUDIES = {
+    "adding-a-mission": ("towers.yaml", "18 runs"),
+    "adding-an-operator": ("mutations.yaml", "9 runs"),
+    "adding-an-algorithm": "botohe-drift/drift.yaml",
+    "adding-an-indicator": "botohe-spacing/spacing.yaml",
+    "adding-an-objective": "botohe-safest/safest.yaml",
+}
 
 
 def as_lines(groups):
@@ -37,8 +44,7 @@ def site(tmp_path_factory):
     for package in PACKAGES:
         source = EXAMPLES / package
         project = tomllib.loads((source / "pyproject.toml").read_text("utf-8"))["project"]
-        assert project["name"] == package
-        assert project["dependencies"] == ["botohe-moo"]
+        assert (project["name"], project["dependencies"]) == (package, ["botohe-moo"])
         module = package.replace("-", "_")
         modules = {module: (source / f"{module}.py").read_text("utf-8")}
         wheels.append(write_wheel(folder, package, modules, as_lines(project["entry-points"])))
@@ -46,101 +52,74 @@ def site(tmp_path_factory):
     return folder / "site"
 
 
-def commands(guide):
-    """What a guide has its reader type."""
-    typed = [text for language, text in blocks(DOCS / f"{guide}.md") if language == "console"]
-    lines = "".join(typed).splitlines()
-    assert lines
-    return [shlex.split(line.removeprefix("$ botohe ")) for line in lines]
+def shown(guide, language):
+    return [text for of, text in blocks(DOCS / f"{guide}.md") if of == language]
 
 
-@pytest.fixture(scope="module")
-def drifted(site, tmp_path_factory):
-    """A folder in which the commands of the guide to algorithms were given, and their outputs."""
-    folder = tmp_path_factory.mktemp("drift")
-    shutil.copy(EXAMPLES / "botohe-drift" / "drift.yaml", folder)
-    printed = []
-    for command in commands("adding-an-algorithm"):
-        ended = botohe(*command, site=site, cwd=folder)
-        assert ended.status == 0, ended.err
-        printed.append(ended.out)
-    return folder, printed
+@pytest.fixture
+def follow(site, tmp_path):
+    """Gives a function that types what a guide has its reader type, and returns the outputs."""
+
+    def follow(guide, site=site):
+        study = STUDIES.get(guide)
+        if isinstance(study, str):
+            shutil.copy(EXAMPLES / study, tmp_path)
+        typed = [line for text in shown(guide, "console") for line in text.splitlines()]
+        commands = [shlex.split(line.removeprefix("$ botohe ")) for line in typed]
+        if isinstance(study, tuple):
+            [text] = shown(guide, "yaml")
+            (tmp_path / study[0]).write_text(text)
+            commands.append(["study", "plan", study[0]])
+        ended = [botohe(*command, site=site, cwd=tmp_path) for command in commands]
+        assert [one.err for one in ended if one.status] == []
+        assert not isinstance(study, tuple) or study[1] in ended[-1].out
+        return [" ".join(one.out.split()) for one in ended]
+
+    return follow
 
 
-def test_the_algorithm_is_described(drifted):
-    described = " ".join(drifted[1][0].split())
+def test_the_algorithm_is_described_and_in_the_study_and_in_its_report(follow, tmp_path):
+    described, *_ = follow("adding-an-algorithm")
     assert "n_children" in described
     assert "max_via" in described
-
-
-def test_the_algorithm_finds_a_front(drifted):
-    with (drifted[0] / "results" / "museum" / "front.csv").open(newline="") as file:
-        assert len(list(csv.DictReader(file))) > 20
-
-
-def test_the_algorithm_is_in_the_study_and_in_its_report(drifted):
-    tables = read_study(drifted[0] / "results" / "drift")
+    assert len(read_solution(tmp_path / "results" / "museum").plans) > 20
+    tables = read_study(tmp_path / "results" / "drift")
     assert set(tables.runs["status"]) == {"done"}
     assert set(tables.runs["evaluations"]) == {2_000}
     museum = tables.summary[tables.summary["mission"] == "art_museum"]
     areas = museum.set_index("algorithm")["area_median"]
     assert areas.drop("random").min() > areas["random"]
-    page = drifted[0] / "results" / "drift" / "report" / "report.html"
+    page = tmp_path / "results" / "drift" / "report" / "report.html"
     assert "Drift (max_via=2)" in page.read_text("utf-8")
 
 
-def test_the_mission_is_shown_and_solved(site, tmp_path):
-    for command in commands("adding-a-mission"):
-        ended = botohe(*command, site=site, cwd=tmp_path)
-        assert ended.status == 0, ended.err
-    assert (tmp_path / "tower.png").exists()
-    assert (tmp_path / "results" / "tower" / "front.csv").exists()
+@pytest.mark.parametrize(
+    ("guide", "made"),
+    [
+        ("adding-a-mission", ["tower.png", "results/tower/front.csv"]),
+        ("adding-a-format", ["results/reefs/front.csv"]),
+        ("adding-an-operator", []),
+    ],
+)
+def test_what_the_guide_makes_is_there(follow, tmp_path, guide, made):
+    if guide == "adding-a-format":
+        [text] = shown(guide, "text")
+        (tmp_path / "reefs.csv").write_text(text)
+    follow(guide)
+    assert [name for name in made if not (tmp_path / name).exists()] == []
 
 
-def test_the_study_of_missions_is_one(site, tmp_path):
-    (text,) = (t for language, t in blocks(DOCS / "adding-a-mission.md") if language == "yaml")
-    (tmp_path / "towers.yaml").write_text(text)
-    ended = botohe("study", "plan", "towers.yaml", site=site, cwd=tmp_path)
-    assert (ended.status, "18 runs" in ended.out) == (0, True), ended
-
-
-def test_the_format_is_read_as_shown(site, tmp_path):
-    (text,) = (t for language, t in blocks(DOCS / "adding-a-format.md") if language == "text")
-    (tmp_path / "reefs.csv").write_text(text)
-    for command in commands("adding-a-format"):
-        ended = botohe(*command, site=site, cwd=tmp_path)
-        assert ended.status == 0, ended.err
-    assert (tmp_path / "results" / "reefs" / "front.csv").exists()
-
-
-def test_the_mutation_is_known_by_its_name(site, tmp_path):
-    for command in commands("adding-an-operator"):
-        ended = botohe(*command, site=site, cwd=tmp_path)
-        assert ended.status == 0, ended.err
-    (text,) = (t for language, t in blocks(DOCS / "adding-an-operator.md") if language == "yaml")
-    (tmp_path / "mutations.yaml").write_text(text)
-    ended = botohe("study", "plan", "mutations.yaml", site=site, cwd=tmp_path)
-    assert (ended.status, "9 runs" in ended.out) == (0, True), ended
-
-
-def test_the_indicator_is_in_the_study_and_in_its_report(site, tmp_path):
-    shutil.copy(EXAMPLES / "botohe-spacing" / "spacing.yaml", tmp_path)
-    for command in commands("adding-an-indicator"):
-        ended = botohe(*command, site=site, cwd=tmp_path)
-        assert ended.status == 0, ended.err
+def test_the_indicator_is_in_the_study_and_in_its_report(follow, tmp_path):
+    follow("adding-an-indicator")
     tables = read_study(tmp_path / "results" / "spacing")
-    assert set(tables.indicators["indicator"]) == {"area", "spacing"}
-    assert set(tables.comparisons["indicator"]) == {"area", "spacing"}
+    for table in (tables.indicators, tables.comparisons):
+        assert set(table["indicator"]) == {"area", "spacing"}
     page = tmp_path / "results" / "spacing" / "report" / "report.html"
     assert "spacing" in page.read_text("utf-8")
 
 
-def test_the_problem_is_in_the_study_and_in_its_report(tmp_path):
-    package = EXAMPLES / "botohe-safest"
-    shutil.copy(package / "safest.yaml", tmp_path)
-    for command in commands("adding-an-objective"):
-        ended = botohe(*command, site=package, cwd=tmp_path)
-        assert ended.status == 0, ended.err
+def test_the_problem_is_in_the_study_and_in_its_report(follow, tmp_path):
+    follow("adding-an-objective", site=EXAMPLES / "botohe-safest")
     tables = read_study(tmp_path / "results" / "safest")
     assert set(tables.runs["status"]) == {"done"}
     assert tables.plans["least_survival"].max() == 1.0
@@ -148,26 +127,21 @@ def test_the_problem_is_in_the_study_and_in_its_report(tmp_path):
     assert "botohe_safest:Safest" in page.read_text("utf-8")
 
 
+def run_with(*arguments, path, cwd):
+    env = {**os.environ, "PYTHONPATH": search_path(path)}
+    done = run_forked([sys.executable, *arguments], env=env, cwd=cwd)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
 @pytest.mark.parametrize("package", PACKAGES)
 def test_their_own_tests_pass(package, site, tmp_path):
     test = f"test_{package.replace('-', '_')}.py"
     shutil.copy(EXAMPLES / package / test, tmp_path)
-    done = run_forked(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", test],
-        env={**os.environ, "PYTHONPATH": search_path(site)},
-        cwd=tmp_path,
-    )
-    assert done.returncode == 0, done.stdout
+    run_with("-m", "pytest", "-q", "-p", "no:cacheprovider", test, path=site, cwd=tmp_path)
 
 
 def test_the_mutation_is_used_as_shown(tmp_path):
     package = EXAMPLES / "botohe-rich-visit"
-    done = subprocess.run(
-        [sys.executable, package / "use.py"],
-        env={**os.environ, "PYTHONPATH": search_path(package)},
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert done.stdout.startswith("<Solution of 'art_museum' by ")
+    code = (package / "use.py").read_text("utf-8")
+    assert run_with("-c", code, path=package, cwd=tmp_path).startswith("<Solution of 'art_museum'")

@@ -20,8 +20,10 @@ ARGUMENTS = [
 ]
 
 
+# What there is when the page has been filled, which may be after it has been loaded.
 FILLED = "#main:not([hidden]), #problem:not([hidden])"
-"""What there is when the page has been filled, which may be after it has been loaded."""
+NAMELESS = """() => [...document.querySelectorAll("button, input, select, svg[role=img]")]
+    .filter((one) => !(one.textContent.trim() || one.ariaLabel || one.labels?.length)).length"""
 
 
 @pytest.fixture(scope="session")
@@ -122,16 +124,13 @@ NASTY = [
     '"><img src=x onerror="window.hacked = 1">',
     "' onload='window.hacked = 1",
     "<b>bold</b> & &amp;",
-    "🏺 vase 👩‍👩‍👧",
-    "מוזיאון abc",
-    "{{ 7 * 7 }}",
-    "${window.hacked = 1}",
+    *("🏺 vase 👩‍👩‍👧", "מוזיאון abc", "{{ 7 * 7 }}", "${window.hacked = 1}"),
 ]
 
 
 def nasty_graph(back):
     """A dock, and ways to nodes with labels that a careless page would execute."""
-    graph = nx.DiGraph()
+    graph = nx.DiGraph(title=NASTY[0])
     graph.add_node("dock", reward=0)
     for label in NASTY:
         graph.add_node(label, reward=1)

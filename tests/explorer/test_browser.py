@@ -12,25 +12,14 @@ import pytest
 pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 from playwright.sync_api import expect
 
-from botohe_moo import Mission, load_mission
+from botohe_moo import Mission
 from botohe_moo.decide import compare, plan_csv, plan_geojson, plan_json
 from botohe_moo.explorer import explore
 from botohe_moo.explorer.data import page_data, sentence
 from botohe_moo.outcomes import reach_probabilities
-from tests.decide.made import solution_of
-from tests.explorer.conftest import (
-    FILLED,
-    NASTY,
-    WIDTHS,
-    at_hand,
-    downloaded,
-    kinds_solution,
-    nasty_graph,
-    pinned,
-    plain,
-    shows,
-    toy_plans,
-)
+from tests.decide.made import solution_of, star, trips
+from tests.explorer import conftest
+from tests.explorer.conftest import FILLED, NASTY, at_hand, downloaded, pinned, shows
 
 pytestmark = pytest.mark.slow
 WRITERS = {"json": plan_json, "csv": plan_csv, "geojson": plan_geojson}
@@ -44,7 +33,7 @@ def view(page):
 
 
 class TestMuseum:
-    @WIDTHS
+    @conftest.WIDTHS
     def test_walk_pin_filter_undo_reload_export(self, opened, museum, museum_page, viewport):
         mission, chosen = museum.mission, museum.choose("survivors >= 2").index
         with opened(museum_page, viewport=viewport) as page:
@@ -199,12 +188,7 @@ class TestMuseum:
             assert len(pinned(page)) == 1
             outline = "getComputedStyle(document.getElementById('pin')).outlineStyle"
             assert page.evaluate(outline) == "solid"
-            nameless = page.evaluate(
-                """() => [...document.querySelectorAll("button, input, select, svg[role=img]")]
-                .filter((one) => !(one.textContent.trim() || one.ariaLabel || one.labels?.length))
-                .length"""
-            )
-            assert nameless == 0
+            assert page.evaluate(conftest.NAMELESS) == 0
 
 
 ROWS = """(id) => [...document.querySelectorAll(`#${id} tbody tr:not(.group)`)]
@@ -253,9 +237,7 @@ def test_each_number_of_a_plan_is_that_of_the_data(opened, museum, museum_page):
 
 
 def test_labels_are_shown_and_never_executed(opened, tmp_path):
-    graph = nasty_graph(back=0.8)
-    graph.graph["title"] = NASTY[0] + NASTY[5]
-    mission = Mission(graph, base="dock", robots=2, name=NASTY[1])
+    mission = Mission(conftest.nasty_graph(back=0.8), base="dock", robots=2, name=NASTY[1])
     trail = ["dock", *(node for label in NASTY for node in (label, "dock"))]
     plans = [mission.plan([trail, ["dock"]]), mission.plan([["dock"], ["dock"]])]
     solution = solution_of(mission, plans)
@@ -265,7 +247,7 @@ def test_labels_are_shown_and_never_executed(opened, tmp_path):
         assert page.evaluate("document.querySelector('h1').textContent") == mission.title
         assert sorted(page.locator("#nodes bdi").all_text_contents()) == sorted(NASTY)
         shown = page.evaluate("document.querySelector('#robots td:last-child').textContent")
-        assert plain(shown).split(" → ")[1::2] == NASTY
+        assert conftest.plain(shown).split(" → ")[1::2] == NASTY
         options = page.locator("#filter-node option").all_text_contents()
         assert options == ["any", "dock", *NASTY]
         sentences = page.evaluate("document.getElementById('words').textContent")
@@ -278,11 +260,7 @@ def test_labels_are_shown_and_never_executed(opened, tmp_path):
 
 
 def test_one_plan_of_a_mission_without_positions(opened, tmp_path):
-    graph = load_mission("toy").graph.copy()
-    for node in graph:
-        graph.nodes[node].pop("pos", None)
-    mission = Mission(graph)
-    plan = mission.plan([[1, 2, 1], [1]])
+    mission, plan = star(), trips(star(), "a")
     path = explore(solution_of(mission, [plan]), tmp_path / "bare.html")
     with opened(path, viewport={"width": 390, "height": 844}) as page:
         assert at_hand(page) == 0
@@ -295,9 +273,9 @@ def test_one_plan_of_a_mission_without_positions(opened, tmp_path):
         nodes = page.locator("#map .nodes").locator("circle, rect")
         assert nodes.count() == len(mission.nodes)
         assert page.is_disabled('[data-file="geojson"]')
-        said = "Node 1: expected pos [x, y] for GeoJSON, found none"
+        said = "Node 'dock': expected pos [x, y] for GeoJSON, found none"
         assert page.locator("#no-files").inner_text().startswith(said)
-        said = "The places of the nodes on this map are made up: 5 of 5 nodes have no position."
+        said = "The places of the nodes on this map are made up: 4 of 4 nodes have no position."
         assert page.locator("#placing").inner_text() == said
         assert downloaded(page, "csv") == plan_csv(mission, plan)
 
@@ -308,7 +286,7 @@ def test_a_browser_that_cannot_unpack_is_told(opened, toy_page):
 
 
 def test_a_notebook_frame_works(opened, tmp_path):
-    solution = solution_of(*toy_plans([1], [1, 2, 1], [1, 3, 2, 4, 2, 3, 1]))
+    solution = solution_of(*conftest.toy_plans([1], [1, 2, 1], [1, 3, 2, 4, 2, 3, 1]))
     path = tmp_path / "notebook.html"
     path.write_text(f"<!DOCTYPE html><p id=main>{solution._repr_html_()}", "utf-8")
     with opened(path) as page:
@@ -321,7 +299,7 @@ def test_a_notebook_frame_works(opened, tmp_path):
 
 
 def test_kinds_of_robots(opened, tmp_path):
-    solution, names = kinds_solution(), ["drone 0", "drone 1", "rover 2"]
+    solution, names = conftest.kinds_solution(), ["drone 0", "drone 1", "rover 2"]
     path = explore(solution, tmp_path / "kinds.html")
     with opened(path, "#plan=0") as page:
         assert page.locator("#team button").all_inner_texts() == names
@@ -340,10 +318,8 @@ def test_kinds_of_robots(opened, tmp_path):
         assert label.startswith("Map of Plan 0: drone 0 visits 3 nodes, ")
         assert page.locator("#map .ends path").count() == 3  # two starts, and one other end
         assert "pond150.5000.225drone 0" in page.locator("#nodes tbody tr").all_text_contents()
-        boxes = [
-            page.locator(f"#map .nodes {mark}").bounding_box()
-            for mark in (".base", "circle >> nth=0", "circle >> nth=1")
-        ]
+        marks = (".base", "circle >> nth=0", "circle >> nth=1")
+        boxes = [page.locator(f"#map .nodes {mark}").bounding_box() for mark in marks]
         base, hall, pond = ((b["x"] + b["width"] / 2, b["y"] + b["height"] / 2) for b in boxes)
         for (x, y), (to_x, to_y), said in (
             (pond, pond, "reward 5, reached with 0.500; pays on return, rover cannot collect it"),

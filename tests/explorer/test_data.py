@@ -28,7 +28,7 @@ from botohe_moo.explorer.page import replay_data
 from botohe_moo.outcomes import plan_outcomes
 from botohe_moo.underway import POLICIES, play_mission
 from tests.decide.made import MISSION, NAMES, PLANS, solution_of, star, trips
-from tests.explorer.conftest import kinds_solution, toy_plans
+from tests.explorer.conftest import kinds_solution
 from tests.plots.made import write_map
 from tests.underway.corner import MISSION as CORNER
 from tests.underway.corner import NUMBER, PLAN, PLAYED
@@ -37,12 +37,13 @@ FRONT = [PLANS[NAMES.index(name)] for name in ("AB", "AC", "BC", "C")]
 
 
 class TestThinning:
-    POINTS = np.array([[0, 8.0], [1, 8], [3, 7], [4, 6], [5, 1]])
-
-    def test_ends_and_what_is_kept_stay(self):
-        assert thinned(self.POINTS, [1], 3).tolist() == [0, 1, 4]
-        assert thinned(self.POINTS, [1, 2, 3], 1).tolist() == [0, 1, 2, 3, 4]
-        assert thinned(self.POINTS, [], 1).tolist() == [0, 4]
+    @pytest.mark.parametrize(
+        ("kept", "n", "rows"),
+        [([1], 3, [0, 1, 4]), ([1, 2, 3], 1, [0, 1, 2, 3, 4]), ([], 1, [0, 4])],
+    )
+    def test_ends_and_what_is_kept_stay(self, kept, n, rows):
+        points = np.array([[0, 8.0], [1, 8], [3, 7], [4, 6], [5, 1]])
+        assert thinned(points, kept, n).tolist() == rows
 
     @given(
         st.sets(st.tuples(st.integers(0, 30), st.integers(0, 30)), min_size=3, max_size=12),
@@ -116,23 +117,17 @@ class TestPage:
         solution_of(MISSION, FRONT), ["survivors >= 1.9", "survivors >= 1.5 and reward >= 3.5"]
     )
 
-    def test_plans_ascend_in_reward_under_their_own_numbers(self):
+    def test_plans_ascend_in_reward_and_each_trail_is_there_once(self):
         assert self.DATA["ids"] == [3, 2, 1, 0]  # C, BC, AC, AB
         texts = [["1.0", "2.8", "3.0", "3.8"], ["2.0", "1.9", "1.5", "1.4"]]
         assert self.DATA["objective_texts"] == texts
-
-    def test_each_trail_is_there_once(self):
         trails = self.DATA["trails"]
         assert [trails[trail] for trail in self.DATA["plans"][3]] == [(0, 1, 0), (0, 2, 0)]
         known = zip(self.DATA["trail_codes"], self.DATA["trail_length_texts"], strict=True)
-        assert dict(zip(trails, known, strict=True)) == {
-            (0, 1, 0): (500, "2"),
-            (0, 2, 0): (900, "2"),
-            (0, 3, 0): (1000, "2"),
-            (0,): (1000, "0"),
-        }
+        expected = [((0, 1, 0), (500, "2")), ((0, 2, 0), (900, "2")), ((0, 3, 0), (1000, "2"))]
+        assert sorted(zip(trails, known, strict=True)) == [((0,), (1000, "0")), *expected]
 
-    def test_distributions(self):
+    def test_distributions_and_nodes_reached(self):
         assert self.DATA["survivors"][3] == [50, 500, 450]
         # The rewards of AB are 6, 4, 2 and 0; bins are 0.5 wide.
         edges = [text.split(" ")[0] for text in self.DATA["bins"]]
@@ -145,15 +140,13 @@ class TestPage:
             "Median reward": ["1.0", "3.0", "1.0", "2.0"],
             "Mean of the lowest tenth of rewards": ["1.0", "1.0", "1.0", "1.0"],
         }
+        reached = [[1000, 1000], [1000, 900, 1000], [1000, 500, 1000], [1000, 500, 900]]
+        assert self.DATA["reached"] == reached
 
     def test_a_reward_that_is_reached_in_just_nine_of_ten_missions(self):
         mission = star({"b": (2, 0.9)}, robots=1)
         facts = page_data(solution_of(mission, [trips(mission, "b")]))["facts"]
         assert facts["Reward reached in 9 of 10 missions"] == ["2.0"]
-
-    def test_nodes_reached(self):
-        reached = [[1000, 1000], [1000, 900, 1000], [1000, 500, 1000], [1000, 500, 900]]
-        assert self.DATA["reached"] == reached
 
     def test_files_are_those_of_the_library(self):
         plans = [FRONT[row] for row in self.DATA["ids"]]
@@ -287,10 +280,9 @@ class TestReplay:
 
     def test_nodes_are_filled_when_their_rewards_count(self):
         codes = [dict(zip(self.DATA["names"], of, strict=True)) for of in self.DATA["reached"]]
-        lab, hall = ([of[node] for of in codes] for node in ("lab", "hall"))
-        assert {of["base"] for of in codes} == {LITTLE}
-        assert lab == [0, 0, 0, 1000, 1000]
-        assert hall == [0, 1000, 1000, 1000, 1000]
+        found = {node: [of[node] for of in codes] for node in self.DATA["names"]}
+        halls, labs = [0, *[1000] * 4], [0, 0, 0, 1000, 1000]
+        assert found == {"base": [LITTLE] * 5, "lab": labs, "hall": halls}
         assert self.DATA["banked"] == ["0", "1", "1", "11", "11"]
 
     def test_the_same_mission_gives_the_same_page(self):
@@ -341,7 +333,7 @@ class TestWhatCannotBeShown:
             page_data(FRONT)
 
     def test_other_files(self, tmp_path):
-        solution = solution_of(*toy_plans([1], [1, 2, 1]))
+        solution = solution_of(MISSION, FRONT)
         with pytest.raises(ValueError, match=r"page.pdf: expected a file .* one of .html, .htm"):
             explore(solution, tmp_path / "page.pdf")
         with pytest.raises(FileNotFoundError, match="nowhere"):

@@ -8,7 +8,7 @@ from playwright.sync_api import expect
 from botohe_moo import Mission
 from botohe_moo.explorer import replay
 from botohe_moo.underway import play_mission
-from tests.explorer.conftest import NASTY, WIDTHS, nasty_graph, plain
+from tests.explorer.conftest import NAMELESS, NASTY, WIDTHS, nasty_graph, plain
 from tests.plots.made import TRAILS, mixed
 from tests.underway.corner import PLAYED
 
@@ -77,11 +77,7 @@ def test_robots_move_one_is_lost_and_the_plan_changes(opened, path, viewport):
         page.focus("#walk")
         page.keyboard.press("Home")
         assert page.inner_text("#step-title") == "Step 0 of 4"
-        nameless = page.evaluate(
-            """() => [...document.querySelectorAll("button, input, svg[role=img]")]
-            .filter((one) => !(one.textContent.trim() || one.ariaLabel)).length"""
-        )
-        assert nameless == 0
+        assert page.evaluate(NAMELESS) == 0
 
 
 @pytest.mark.parametrize("motion", ["no-preference", "reduce"])
@@ -118,9 +114,7 @@ def test_a_mission_of_kinds_and_one_in_which_nobody_leaves(opened, tmp_path):
 
 
 def test_labels_are_shown_and_never_executed_even_without_places(opened, tmp_path):
-    graph = nasty_graph(back=1e-9)
-    graph.graph["title"] = NASTY[0]
-    mission = Mission(graph, base="dock", robots=len(NASTY))
+    mission = Mission(nasty_graph(back=1e-9), base="dock", robots=len(NASTY))
     played = play_mission(mission, mission.plan([["dock", x, "dock"] for x in NASTY]), price=1)
     with opened(replay(played, tmp_path / "nasty.html"), "#step=2") as page:
         assert page.evaluate("typeof window.hacked") == "undefined"

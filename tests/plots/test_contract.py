@@ -19,24 +19,8 @@ from botohe_moo import Event, plots, replan, simulate_policy, solve
 from botohe_moo.bounds import bound_front
 from botohe_moo.plots import save_figure, save_plot
 from botohe_moo.plots.style import colours
-from tests.plots.made import (
-    AREAS,
-    MEDIANS,
-    RANKS,
-    RUNS,
-    SHORTFALLS,
-    TOY,
-    TOY_PLANS,
-    TWO,
-    areas_of,
-    darkness,
-    fronts_of,
-    lines_of,
-    of_kind,
-    pheromone_of,
-    ranks_of,
-    trace_of,
-)
+from tests.plots import made, read
+from tests.plots.made import TOY, TOY_PLANS
 
 POINT = pd.DataFrame({"reward": [3.0], "survivors": [3.0]})
 PICTURES = {
@@ -46,7 +30,7 @@ PICTURES = {
     "plot_replan": lambda draw, **own: draw(
         replan(TOY, TOY_PLANS[2], [Event("reached", 0, 4)], price=2), **own
     ),
-    "plot_pheromone": lambda draw, **own: draw(TOY, pheromone_of(TOY), **own),
+    "plot_pheromone": lambda draw, **own: draw(TOY, made.pheromone_of(TOY), **own),
     "plot_front": lambda draw, **own: draw([[7, 1]], TOY, bound=bound_front(TOY), **own),
     "plot_pairs": lambda draw, **own: draw(
         (found := solve("toy", "greedy", problem="least-survival", evaluations=30)).table,
@@ -59,19 +43,24 @@ PICTURES = {
         TOY.evaluate(TOY_PLANS),
         **own,
     ),
-    "plot_curves": lambda draw, **own: draw(trace_of(TWO), **own),
+    "plot_curves": lambda draw, **own: draw(made.trace_of(made.TWO), **own),
     "plot_reached": lambda draw, **own: draw(
-        trace_of(TWO), pd.DataFrame(list(TWO), columns=["algorithm", "seed"]), [0.1, 0.4], **own
+        made.trace_of(made.TWO),
+        pd.DataFrame(list(made.TWO), columns=["algorithm", "seed"]),
+        [0.1, 0.4],
+        **own,
     ),
-    "plot_areas": lambda draw, **own: draw(*areas_of(AREAS), **own),
-    "plot_ranks": lambda draw, **own: draw(*ranks_of(RANKS, 1.0), **own),
-    "plot_shortfalls": lambda draw, **own: draw(*SHORTFALLS, **own),
-    "plot_heat": lambda draw, **own: draw(MEDIANS, **own),
-    "plot_fronts": lambda draw, **own: draw(*fronts_of(RUNS), reference=POINT, **own),
-    "plot_attainment": lambda draw, **own: draw(*fronts_of(RUNS), **own),
-    "plot_attainment_difference": lambda draw, **own: draw(*fronts_of(RUNS), "A", "B", **own),
+    "plot_areas": lambda draw, **own: draw(*made.areas_of(made.AREAS), **own),
+    "plot_ranks": lambda draw, **own: draw(*made.ranks_of(made.RANKS, 1.0), **own),
+    "plot_shortfalls": lambda draw, **own: draw(*made.SHORTFALLS, **own),
+    "plot_heat": lambda draw, **own: draw(made.MEDIANS, **own),
+    "plot_fronts": lambda draw, **own: draw(*made.fronts_of(made.RUNS), reference=POINT, **own),
+    "plot_attainment": lambda draw, **own: draw(*made.fronts_of(made.RUNS), **own),
+    "plot_attainment_difference": lambda draw, **own: draw(
+        *made.fronts_of(made.RUNS), "A", "B", **own
+    ),
 }
-TITLE = "A $<site>$"
+TITLE = "A $<made.site>$"
 
 
 def draw(name, **own):
@@ -98,7 +87,7 @@ def test_axes_are_labelled_and_texts_are_shown_as_they_are(tmp_path, name):
     assert dict(mpl.rcParams) == settings
     figure = ax.figure.figure
     assert len(plt.get_fignums()) == 1
-    share, width = darkness(ax, tmp_path / "picture.png")
+    share, width = read.darkness(ax, tmp_path / "picture.png")
     assert 0.01 < share < 0.7
     assert 200 < width < 1600
     shown = [text.get_text() for text in texts_of(figure)]
@@ -126,29 +115,24 @@ def test_own_axes_are_the_only_ones_drawn_on(name):
 
 
 class TestTheme:
-    def test_colours_are_those_that_all_people_tell_apart(self):
-        assert colours(10) == [pytest.approx(c) for c in sns.color_palette("colorblind", 10)]
-
-    def test_a_theme_that_is_set_is_respected(self):
+    def test_a_theme_or_palette_that_is_set_is_respected(self):
+        plain, deep = sns.color_palette("colorblind", 10), sns.color_palette("deep")
+        assert colours(10) == [pytest.approx(c) for c in plain]
         with mpl.rc_context():
             sns.set_theme(style="whitegrid", palette="deep")
             ax, points = draw("plot_curves"), draw("plot_areas")
-        deep = sns.color_palette("deep")
-        for label, colour in zip("AB", deep, strict=False):
-            line = lines_of(ax)[label]
-            assert mpl.colors.to_rgb(line.get_color()) == pytest.approx(colour)
         assert ax.spines["right"].get_visible()  # as whitegrid has it
-        cloud = of_kind(points, mpl.collections.PathCollection)[0]
+        cloud = read.of_kind(points, mpl.collections.PathCollection)[0]
         assert tuple(cloud.get_facecolor()[0][:3]) == pytest.approx(deep[0])
-
-    def test_palettes_are_those_of_seaborn(self):
-        for palette, wanted in (
-            ("Set2", sns.color_palette("Set2", 2)),
-            ({"A": "red", "B": "lime"}, ["red", "lime"]),
+        mine = {"A": "red", "B": "lime"}
+        for lines, wanted in (
+            (read.lines_of(ax), deep),
+            (read.lines_of(draw("plot_curves", palette="Set2")), sns.color_palette("Set2", 2)),
+            (read.lines_of(draw("plot_curves", palette=mine)), ["red", "lime"]),
         ):
-            lines = lines_of(draw("plot_curves", palette=palette))
-            found = [mpl.colors.to_rgb(lines[label].get_color()) for label in "AB"]
-            assert found == [pytest.approx(mpl.colors.to_rgb(colour)) for colour in wanted]
+            for label, colour in zip("AB", wanted, strict=False):
+                found = mpl.colors.to_rgb(lines[label].get_color())
+                assert found == pytest.approx(mpl.colors.to_rgb(colour))
         with pytest.raises(ValueError, match="a colour for every label, missing: B"):
             draw("plot_curves", palette={"A": "red"})
 
@@ -200,7 +184,7 @@ class TestSaving:
 def test_a_long_legend_is_beside_the_plot(name):
     labels = [f"BO-ACO (n_ants={i}, evaporation={e})" for i in range(8) for e in (0.04, 0.1)]
     runs = {(label, seed): [(1, 2), (2, 1 + seed)] for label in labels for seed in (1, 2)}
-    given = (trace_of(runs),) if name == "plot_curves" else fronts_of(runs)
+    given = (made.trace_of(runs),) if name == "plot_curves" else made.fronts_of(runs)
     ax = getattr(plots, name)(*given)
     ax.figure.canvas.draw()
     legend = ax.get_legend()

@@ -8,37 +8,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from matplotlib.collections import LineCollection, PathCollection
 
-from botohe_moo.plots import (
-    plot_areas,
-    plot_attainment,
-    plot_attainment_difference,
-    plot_curves,
-    plot_fronts,
-    plot_heat,
-    plot_ranks,
-    plot_reached,
-    plot_shortfalls,
-)
+from botohe_moo import plots
 from botohe_moo.plots.comparisons import first_reached, progress
 from botohe_moo.plots.front import attainment, attainment_surface
 from botohe_moo.plots.style import log_axis
 from tests.examples import examples
-from tests.plots.made import (
-    AREAS,
-    MEDIANS,
-    RANKS,
-    RUNS,
-    SHORTFALLS,
-    TWO,
-    areas_of,
-    fronts_of,
-    legend_texts,
-    lines_of,
-    of_kind,
-    ranks_of,
-    title,
-    trace_of,
-)
+from tests.plots import made, read
 
 
 def records(most, areas=1):
@@ -51,7 +26,7 @@ def records(most, areas=1):
 class TestCurves:
     @given(records(500), st.randoms(use_true_random=False))
     def test_every_point_is_the_last_record(self, runs, chance):
-        trace = trace_of({key: list(of_run.items()) for key, of_run in runs.items()})
+        trace = made.trace_of({key: list(of_run.items()) for key, of_run in runs.items()})
         rows = list(range(len(trace)))
         chance.shuffle(rows)
         found = progress(trace.iloc[rows])
@@ -66,36 +41,38 @@ class TestCurves:
     def test_medians_and_bands(self):
         areas = [0.9, 0.1, 0.4, 0.2, 0.8]
         runs = {("A", seed): [(1, area), (9, area)] for seed, area in enumerate(areas)}
-        trace = trace_of({**runs, ("B", 1): [(1, 0.6)]})
+        trace = made.trace_of({**runs, ("B", 1): [(1, 0.6)]})
         for band, ends in (("quartiles", (0.2, 0.4, 0.8)), ("range", (0.1, 0.4, 0.9))):
-            ax = plot_curves(trace, band=band)
-            y = ax.collections[legend_texts(ax).index("A")].get_paths()[0].vertices[:, 1]
-            middle = lines_of(ax)["A"].get_ydata()[-1]
+            ax = plots.plot_curves(trace, band=band)
+            y = ax.collections[read.legend_texts(ax).index("A")].get_paths()[0].vertices[:, 1]
+            middle = read.lines_of(ax)["A"].get_ydata()[-1]
             assert (y.min(), middle, y.max()) == pytest.approx(ends, abs=0.001)
-        assert lines_of(ax)["A"].get_drawstyle() == "steps-post"
-        assert lines_of(ax)["B"].get_xdata()[[0, -1]].tolist() == [1, 9]
-        assert set(lines_of(ax)["B"].get_ydata()) == {0.6}
+        assert read.lines_of(ax)["A"].get_drawstyle() == "steps-post"
+        assert read.lines_of(ax)["B"].get_xdata()[[0, -1]].tolist() == [1, 9]
+        assert set(read.lines_of(ax)["B"].get_ydata()) == {0.6}
         assert ax.get_xscale() == "log"
-        assert legend_texts(ax) == ["B", "A"]  # as the curves end
+        assert read.legend_texts(ax) == ["B", "A"]  # as the curves end
 
     def test_a_long_low_start_is_cut_off_and_a_curve_of_one_point_is_marked(self):
         long = [(1, 0.0), (1000, 0.5), (2000, 0.52)]
-        low, high = plot_curves(
-            trace_of({("A", 1): long, ("B", 1): [(1, 0.4), (2000, 0.48)]})
+        low, high = plots.plot_curves(
+            made.trace_of({("A", 1): long, ("B", 1): [(1, 0.4), (2000, 0.48)]})
         ).get_ylim()
         assert 0.2 < low < 0.27
         assert 0.52 < high < 0.55
-        late = lines_of(plot_curves(trace_of({("A", 1): long, ("B", 1): [(2000, 0.4)]})))["B"]
+        late = read.lines_of(
+            plots.plot_curves(made.trace_of({("A", 1): long, ("B", 1): [(2000, 0.4)]}))
+        )["B"]
         assert late.get_xdata().tolist() == [2000]
         assert late.get_marker() != "None"
         assert late.get_markevery()[0] == 0
 
     def test_other_indicators(self):
         values = [0.4, 0.2, 0.5, 0.3, 0.1]
-        trace = trace_of(TWO).assign(igd_plus=[*values, np.nan], epsilon=[*values, 1e-13])
+        trace = made.trace_of(made.TWO).assign(igd_plus=[*values, np.nan], epsilon=[*values, 1e-13])
         assert set(progress(trace, value="igd_plus")["algorithm"]) == {"A"}
         # Ties with 0 lie below the axis.
-        assert plot_curves(trace, value="epsilon").get_ylim()[0] > 1e-3
+        assert plots.plot_curves(trace, value="epsilon").get_ylim()[0] > 1e-3
 
     def test_what_is_refused(self):
         for change, options, message in (
@@ -107,7 +84,7 @@ class TestCurves:
             ({}, {"bound": 0.5, "value": "igd_plus"}, "no bound, which is of areas, with igd_plus"),
         ):
             with pytest.raises(ValueError, match=message):
-                plot_curves(trace_of(TWO).assign(**change), **options)
+                plots.plot_curves(made.trace_of(made.TWO).assign(**change), **options)
         assert plt.get_fignums() == []
 
 
@@ -131,7 +108,7 @@ def test_logarithmic_axes_show_at_least_two_plain_numbers(low, ratio):
 class TestReached:
     @given(records(50, areas=0), st.lists(st.floats(0.01, 1), min_size=1, max_size=6))
     def test_it_is_the_first_record_that_reaches(self, runs, targets):
-        trace = trace_of({key: list(of_run.items()) for key, of_run in runs.items()})
+        trace = made.trace_of({key: list(of_run.items()) for key, of_run in runs.items()})
         keys = pd.DataFrame(list(runs), columns=["algorithm", "seed"])
         for label, spent in first_reached(trace, keys, targets).items():
             expected = [
@@ -143,45 +120,45 @@ class TestReached:
             assert spent.tolist() == expected
 
     def test_curves_end_at_the_share_that_is_reached(self):
-        keys = pd.DataFrame([*TWO, ("C", 1)], columns=["algorithm", "seed"])
-        ax = plot_reached(trace_of(TWO), keys, [0.1, 0.9])
+        keys = pd.DataFrame([*made.TWO, ("C", 1)], columns=["algorithm", "seed"])
+        ax = plots.plot_reached(made.trace_of(made.TWO), keys, [0.1, 0.9])
         for label, share in {"A": 0.5, "B": 0.5, "C": 0.0}.items():
-            x, y = lines_of(ax)[label].get_data()
+            x, y = read.lines_of(ax)[label].get_data()
             assert y[x <= 100][-1] == pytest.approx(share)
         assert ax.get_xlim()[1] < 200  # what is never reached is out of sight
 
 
 class TestAreas:
     def test_points_medians_and_intervals(self):
-        ax = plot_areas(*areas_of(AREAS, lost={("C", 1)}))
-        found = np.concatenate([c.get_offsets() for c in of_kind(ax, PathCollection)])
+        ax = plots.plot_areas(*made.areas_of(made.AREAS, lost={("C", 1)}))
+        found = np.concatenate([c.get_offsets() for c in read.of_kind(ax, PathCollection)])
         by_row = {row: sorted(found[found[:, 1].round() == row, 0].round(9)) for row in range(3)}
         assert by_row == {0: [0.1, 0.2, 0.3], 1: [0.5], 2: [0.0, 0.4]}
         medians = next(line for line in ax.lines if line.get_marker() == "d")
         assert medians.get_xdata() == pytest.approx([0.2, 0.5, 0.2])
-        (bars,) = of_kind(ax, LineCollection)
+        (bars,) = read.of_kind(ax, LineCollection)
         ends = [bar[:, 0].tolist() for bar in bars.get_segments()]
         assert ends == [pytest.approx(pair) for pair in ([0.1, 0.3], [0.5, 0.5], [0, 0.4])]
         assert [label.get_text() for label in ax.get_yticklabels()] == ["A", "B", "C"]
         assert ax.get_ylim()[0] > ax.get_ylim()[1]  # the first is on top
 
     def test_a_bound_is_a_dashed_line_unless_it_is_too_far(self):
-        near = plot_areas(*areas_of(AREAS), bound=0.7)
-        assert set(lines_of(near)["no front exceeds 0.7000"].get_xdata()) == {0.7}
+        near = plots.plot_areas(*made.areas_of(made.AREAS), bound=0.7)
+        assert set(read.lines_of(near)["no front exceeds 0.7000"].get_xdata()) == {0.7}
         assert near.get_xlim()[1] >= 0.7
-        narrow = plot_areas(*areas_of({"A": [0.3, 0.31]}), bound=0.4)
+        narrow = plots.plot_areas(*made.areas_of({"A": [0.3, 0.31]}), bound=0.4)
         assert not any(line.get_linestyle() == "--" for line in narrow.lines)
 
     def test_ticks_are_few_and_whole_numbers(self):
         values = {"A": [0.1884501, 0.1884583], "B": [0.1884567, 0.1884589]}
-        axis = plot_areas(*areas_of(values)).xaxis
+        axis = plots.plot_areas(*made.areas_of(values)).xaxis
         assert axis.get_major_formatter().get_useOffset() is False
         assert 2 <= len(axis.get_major_locator().tick_values(0.0, 0.9)) <= 8
 
 
 class TestFronts:
     def test_the_median_run_is_drawn_as_stairs(self):
-        lines = lines_of(plot_fronts(*fronts_of(RUNS)))
+        lines = read.lines_of(plots.plot_fronts(*made.fronts_of(made.RUNS)))
         assert list(lines) == ["A (seed 3)", "B (seed 2): no plans"]
         stairs = lines["A (seed 3)"]
         assert stairs.get_xydata().tolist() == [[0, 2], [1, 2], [1, 1], [3, 1], [3, 0]]
@@ -191,10 +168,10 @@ class TestFronts:
 
     def test_reference_and_bound(self):
         points = pd.DataFrame({"reward": [5.0, 2.0], "survivors": [1.0, 3.0]})
-        ax = plot_fronts(*fronts_of(RUNS), reference=points, bound=points)
-        assert legend_texts(ax)[-2:] == ["reference front", "no plan lies beyond"]
-        for name in legend_texts(ax)[-2:]:
-            line = lines_of(ax)[name].get_xydata().tolist()
+        ax = plots.plot_fronts(*made.fronts_of(made.RUNS), reference=points, bound=points)
+        assert read.legend_texts(ax)[-2:] == ["reference front", "no plan lies beyond"]
+        for name in read.legend_texts(ax)[-2:]:
+            line = read.lines_of(ax)[name].get_xydata().tolist()
             assert line == [[0, 3], [2, 3], [2, 1], [5, 1], [5, 0]]
 
 
@@ -224,8 +201,8 @@ class TestAttainment:
     def test_lines_and_bands(self):
         three = [[(1, 3), (3, 1)], [(2, 2)], []]
         runs = {("A", seed): run for seed, run in enumerate(three)}
-        ax = plot_attainment(*fronts_of({**runs, ("B", 1): [(1, 1)]}))
-        lines = lines_of(ax)
+        ax = plots.plot_attainment(*made.fronts_of({**runs, ("B", 1): [(1, 1)]}))
+        lines = read.lines_of(ax)
         assert lines["A"].get_xydata().tolist() == [[0, 2], [1, 2], [1, 1], [2, 1], [2, 0]]
         assert lines["B"].get_xydata().tolist() == [[0, 1], [1, 1], [1, 0]]
         # From what one run reaches to what all do, which is nothing.
@@ -247,8 +224,8 @@ class TestAttainment:
             assert difference[int(y), int(x)] == pytest.approx(expected)
 
     def test_both_panels_of_a_difference(self):
-        plans, runs = fronts_of({("A", 1): [(2, 1)], ("B", 1): [(1, 2)], ("B", 2): [(1, 2)]})
-        panels = plot_attainment_difference(plans, runs, "A", "B")
+        plans, runs = made.fronts_of({("A", 1): [(2, 1)], ("B", 1): [(1, 2)], ("B", 2): [(1, 2)]})
+        panels = plots.plot_attainment_difference(plans, runs, "A", "B")
         medians = [[[0, 1], [2, 1], [2, 0]], [[0, 2], [1, 2], [1, 0]]]
         for ax, (x, y), median in zip(panels, ((1.5, 0.5), (0.5, 1.5)), medians, strict=True):
             [image] = ax.images
@@ -261,7 +238,7 @@ class TestAttainment:
             any_run, half = ax.lines
             assert half.get_xydata().tolist() == median
             assert any_run.get_xydata().tolist() == [[0, 2], [1, 2], [1, 1], [2, 1], [2, 0]]
-        assert [title(ax) for ax in panels] == [f"{a} reaches more often" for a in "AB"]
+        assert [read.title(ax) for ax in panels] == [f"{a} reaches more often" for a in "AB"]
 
 
 class TestRanks:
@@ -271,20 +248,20 @@ class TestRanks:
         return sorted((min(bar), max(bar)) for bar in bars)
 
     def test_bars_join_what_does_not_differ(self):
-        ranks, posthoc = ranks_of(RANKS, 1.0)
-        ax = plot_ranks(ranks.iloc[[2, 0, 3, 1]], posthoc)
+        ranks, posthoc = made.ranks_of(made.RANKS, 1.0)
+        ax = plots.plot_ranks(ranks.iloc[[2, 0, 3, 1]], posthoc)
         assert self.bars(ax) == [(1.2, 2.0), (2.0, 2.9), (2.9, 3.9)]
         names = {text.get_text() for text in ax.texts}
         assert names == {"A  (1.20)", "B  (2.00)", "(2.90)  C", "(3.90)  D"}
         # Where Friedman's test overrules the pairs, nothing differs.
-        assert self.bars(plot_ranks(*ranks_of(RANKS, 9.0))) == [(1.2, 3.9)]
+        assert self.bars(plots.plot_ranks(*made.ranks_of(made.RANKS, 9.0))) == [(1.2, 3.9)]
         with pytest.raises(ValueError, match="at least two algorithms, got 1"):
-            plot_ranks(ranks[:1], posthoc)
+            plots.plot_ranks(ranks[:1], posthoc)
 
 
 class TestShortfalls:
     def test_points_are_shares_of_the_reference_and_bars_certified_gaps(self):
-        ax = plot_shortfalls(*SHORTFALLS)
+        ax = plots.plot_shortfalls(*made.SHORTFALLS)
         # Missions without runs are left out; the first is on top.
         assert [tick.get_text() for tick in ax.get_yticklabels()] == ["mine", "site"]
         [points] = [c for c in ax.collections if len(c.get_offsets()) == 3]
@@ -292,26 +269,26 @@ class TestShortfalls:
         assert shown == [(0.0, 0.0), (10.0, 1.0), (20.0, 1.0)]
         assert [bar.get_width() for bar in ax.patches][1] == pytest.approx(1.0)  # 0.505 / 0.5
         assert ax.get_xlim()[0] == 0.0
-        chosen = plot_shortfalls(*SHORTFALLS, algorithms=["greedy"])
+        chosen = plots.plot_shortfalls(*made.SHORTFALLS, algorithms=["greedy"])
         [points] = [c for c in chosen.collections if len(c.get_offsets())]
         assert points.get_offsets().tolist() == [[pytest.approx(10.0), 1.0]]
 
     def test_what_is_refused(self):
-        summary, missions = SHORTFALLS
+        summary, missions = made.SHORTFALLS
         with pytest.raises(ValueError, match="an algorithm of summary"):
-            plot_shortfalls(summary, missions, algorithms=["bees"])
+            plots.plot_shortfalls(summary, missions, algorithms=["bees"])
         with pytest.raises(ValueError, match=r"missions .* it lacks .'bound_area'"):
-            plot_shortfalls(summary, missions.drop(columns="bound_area"))
+            plots.plot_shortfalls(summary, missions.drop(columns="bound_area"))
         with pytest.raises(ValueError, match=r"summary .* it lacks .'area_share'"):
-            plot_shortfalls(summary.drop(columns="area_share"), missions)
+            plots.plot_shortfalls(summary.drop(columns="area_share"), missions)
 
 
 def test_every_cell_of_a_grid_says_its_median_and_the_largest_is_bold():
-    ax = plot_heat(MEDIANS)
+    ax = plots.plot_heat(made.MEDIANS)
     shown = {text.get_text(): text.get_fontweight() for text in ax.texts}
     assert shown == {"0.1000": "normal", "0.2500": "normal", "0.5000": "bold"}
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("evaporation", "n_ants")
     assert [t.get_text() for t in ax.get_xticklabels()] == ["0.04", "0.1"]
     assert [t.get_text() for t in ax.get_yticklabels()] == ["50", "100"]
     with pytest.raises(ValueError, match="at least one combination"):
-        plot_heat(MEDIANS * np.nan)
+        plots.plot_heat(made.MEDIANS * np.nan)

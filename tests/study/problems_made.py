@@ -71,10 +71,6 @@ class Unmakeable(BOTOHE):
         super().__init__(mission)
 
 
-def weakest(mission) -> BOTOHE:
-    return Weakest(mission)
-
-
 class Raising(Weakest):
     """Raises another error than a ValueError."""
 

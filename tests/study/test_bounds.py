@@ -22,11 +22,12 @@ from botohe_moo.study import (
     run_study,
 )
 from botohe_moo.study.folder import StudyFolder, restore_study
+from botohe_moo.study.perform import Outcome
 from botohe_moo.study.pool import WorkerPool, perform_bound
 from botohe_moo.study.report import number_text, render_page, tables_latex, write_report
 from botohe_moo.study.runner import _bound_task
 from tests.study.conftest import InProcess
-from tests.study.made import MADE, Watcher, study_of, watched
+from tests.study.made import MADE, study_of, watched
 
 pytestmark = pytest.mark.usefixtures("in_process", "sketched")
 
@@ -43,8 +44,17 @@ def both(seconds=2, **changes):
     return bounded(seconds, missions=missions, algorithms=["random", "greedy"], **changes)
 
 
+BOTH = [("limited", None), ("toy", None)]
+
+
 def files(folder):
     return sorted(path for path in (folder / "bounds").glob("*") if path.is_file())
+
+
+def commanded(*arguments, status=0):
+    ended = CliRunner().invoke(study_app, list(map(str, arguments)))
+    assert ended.exit_code == status
+    return ended
 
 
 @pytest.fixture(scope="module")
@@ -61,33 +71,26 @@ def copied(made, tmp_path):
 
 
 class TestTables:
-    def test_areas_and_gaps(self, made):
+    def test_areas_gaps_and_limits(self, made):
         tables = read_study(made)
         missions = tables.missions.set_index("mission")
         summary = tables.summary.set_index(["mission", "algorithm"])
         kept = [FrontBound.load(path, load_mission("toy")) for path in files(made)]
         by_floor = {bound.min_survival: bound for bound in kept}
         for label, floor in (("toy", 0.0), ("limited", 0.3)):
-            bound = by_floor[floor]
-            assert missions.loc[label, "bound_area"] == bound.area
-            assert missions.loc[label, "bound_seconds"] == bound.seconds
+            bound, row = by_floor[floor], missions.loc[label]
+            assert (row["bound_area"], row["bound_seconds"]) == (bound.area, bound.seconds)
             points = tables.bounds.loc[tables.bounds["mission"] == label, ["reward", "survivors"]]
             assert points.to_numpy().tolist() == bound.points.tolist()
             for algorithm in ("random", "greedy"):
                 row = summary.loc[label, algorithm]
-                assert row["area_gap"] == pytest.approx(bound.area / row["area_mean"] - 1)
-                assert row["area_gap"] >= 0
+                assert 0 <= row["area_gap"] == pytest.approx(bound.area / row["area_mean"] - 1)
         assert by_floor[0.3].max_length == 6
         assert missions.loc["limited", "bound_area"] < missions.loc["toy", "bound_area"]
         assert tables.missing_bounds == []
-
-    def test_limits_are_in_the_tables(self, made):
-        tables = read_study(made)
         for table in (tables.runs, tables.missions):
-            limits = table.drop_duplicates("mission").set_index("mission")
-            assert limits["max_length"]["limited"] == 6
-            assert np.isnan(limits["max_length"]["toy"])
-            assert limits["min_survival"].to_dict() == {"toy": 0, "limited": 0.3}
+            limits = table.drop_duplicates("mission")[["mission", "min_survival", "max_length"]]
+            assert limits.fillna(0).values.tolist() == [["toy", 0, 0], ["limited", 0.3, 6]]
         assert [mission.max_length for mission in restore_study(made).missions] == [None, 6]
 
     def test_a_bound_that_a_run_refutes_is_refused(self, copied):
@@ -103,31 +106,25 @@ class TestTables:
 class TestAgain:
     @pytest.mark.slow
     def test_fewer_seconds_are_enough_and_more_are_not(self, copied):
-        before = files(copied)
         for seconds in (2, 1):
             _, watcher = watched(both(seconds), copied)
             assert (watcher.performed, watcher.bounded) == ([], [])
-            assert files(copied) == before
         _, watcher = watched(both(2.5), copied)
-        assert sorted(watcher.bounded) == [("limited", None), ("toy", None)]
-        assert watcher.performed == []
+        assert (watcher.performed, sorted(watcher.bounded)) == ([], BOTH)
         assert {path.name.partition("-")[2] for path in files(copied)} == {"2.json", "2.5.json"}
 
     def test_runs_stay_when_bounds_are_asked_for_or_not_any_more(self, copied):
-        without = {**both(), "bounds": None}
-        del without["bounds"]
         for path in files(copied):
             path.unlink()
-        tables, watcher = watched(without, copied)
-        assert len(tables.bounds) == 0
-        assert tables.missing_bounds == []
+        tables, watcher = watched({k: of for k, of in both().items() if k != "bounds"}, copied)
+        assert (len(tables.bounds), tables.missing_bounds) == (0, [])
         assert tables.summary["area_gap"].isna().all()
         page = render_page(tables, {}).lower()
         assert "area gap" not in page + tables_latex(tables)["summary.tex"]
         assert "no front" not in page
         tables, again = watched(both(), copied)
         assert watcher.performed == again.performed == []
-        assert sorted(again.bounded) == [("limited", None), ("toy", None)]
+        assert sorted(again.bounded) == BOTH
         assert tables.summary["area_gap"].notna().all()
 
     def test_one_mission_under_two_budgets_has_one_bound(self, tmp_path):
@@ -148,10 +145,8 @@ class TestAgain:
         said = render_page(read_study(copied), {})
         assert f"The bounds of {missing} are not computed yet." in said
         tables, watcher = watched(both(), copied)
-        assert watcher.bounded == [(missing, None)]
-        assert tables.missing_bounds == []
-        copy = path.with_stem(f"{path.stem} (copy)")
-        copy.write_bytes(path.read_bytes())
+        assert (watcher.bounded, tables.missing_bounds) == ([(missing, None)], [])
+        path.rename(copy := path.with_stem(f"{path.stem} (copy)"))
         with pytest.raises(StudyError, match=f"{re.escape(str(copy))}: damaged"):
             make_tables(copied)
 
@@ -169,14 +164,10 @@ class TestComputing:
     def test_one_that_fails_is_told_and_tried_again(self, tmp_path, monkeypatch):
         with monkeypatch.context() as patch:
             patch.setattr(InProcess, "bound", lambda *_, **__: "MemoryError: no room")
-            tables, watcher = watched(bounded(), tmp_path)
-            assert watcher.bounded == [("toy", "MemoryError: no room")]
-            assert tables.missing_bounds == ["toy"]
-            path = tmp_path / "study.yaml"
-            ended = CliRunner().invoke(study_app, ["run", str(path), "--out", str(tmp_path)])
-            assert ended.exit_code == 1
-            assert "bound of toy: failed: MemoryError: no room" in ended.stderr
-            assert "1 bound failed; run the study again to retry." in ended.stderr
+            assert run_study(bounded(), tmp_path).missing_bounds == ["toy"]
+            said = commanded("run", tmp_path / "study.yaml", "--out", tmp_path, status=1).stderr
+            assert "bound of toy: failed: MemoryError: no room" in said
+            assert "1 bound failed; run the study again to retry." in said
         assert run_study(bounded(), tmp_path).missing_bounds == []
 
     def test_whatever_is_raised_is_a_line(self):
@@ -199,23 +190,22 @@ class TestComputing:
         assert said == "its process died (signal SIGKILL)"
 
     def test_none_is_begun_after_a_stop(self, tmp_path):
-        class Stopping(Watcher):
-            def end(self, run, outcome):
+        def stop(about, news):
+            if isinstance(news, Outcome):
                 signal.raise_signal(signal.SIGINT)
 
         with pytest.raises(StudyInterrupted, match=r"stopped by SIG.*run the study again"):
-            run_study(bounded(seeds=1), tmp_path, progress=Stopping())
+            run_study(bounded(seeds=1), tmp_path, progress=stop)
         assert files(tmp_path) == []
         assert read_study(tmp_path).missing_bounds == ["toy"]
 
     def test_the_plan_counts_them(self, copied, tmp_path):
         path = tmp_path / "study.yaml"
-        asked = ["plan", str(path), "--out", str(copied)]
         path.write_text(json.dumps(both(600)))
-        ended = CliRunner().invoke(study_app, asked)
-        assert "2 bounds to compute when the runs are done, at most 10.0 min each" in ended.stdout
+        said = commanded("plan", path, "--out", copied).stdout
+        assert "2 bounds to compute when the runs are done, at most 10.0 min each" in said
         path.write_text(json.dumps(both()))
-        assert "bound" not in CliRunner().invoke(study_app, asked).stdout
+        assert "bound" not in commanded("plan", path, "--out", copied).stdout
 
 
 def test_merged_studies_have_the_bounds_that_were_allowed_the_most_seconds(copied, tmp_path):
@@ -244,7 +234,8 @@ def test_gaps_stand_beside_areas_in_the_report(copied):
 
 def test_progress_counts_runs_and_bounds(tmp_path):
     shown = []
-    algorithms = {"bad": f"{MADE}:Raising", "slow": f"{MADE}:Slow"}
+    slow = {"algorithm": f"{MADE}:Doing", "parameters": {"what": "pass", "n": 10}}
+    algorithms = {"bad": f"{MADE}:Doing", "slow": slow}
     source = bounded(1, algorithms=algorithms, budget={"evaluations": 100, "seconds": 60}, seeds=1)
     run_study(source, tmp_path, progress=StudyProgress(lambda *given: shown.append(given)))
     words = dict.fromkeys(words for words, *_ in shown)

@@ -9,17 +9,10 @@ from botohe_moo.indicators import INDICATORS, Indicator
 from botohe_moo.study import SCHEMAS, StudyError, load_study, make_tables, read_study, run_study
 from botohe_moo.study.report import write_report
 from tests.base.packages import entries, write_package
+from tests.study.made import study_of
 
-STUDY = {
-    "name": "gains",
-    "missions": ["toy"],
-    "algorithms": {
-        "few": {"algorithm": "random", "parameters": {"n_ants": 2}},
-        "many": {"algorithm": "random", "parameters": {"n_ants": 9}},
-    },
-    "budget": {"evaluations": 30},
-    "seeds": 2,
-}
+MANY = {"algorithm": "random", "parameters": {"n_ants": 9}}
+STUDY = study_of(algorithms={"few": "random", "many": MANY}, budget={"evaluations": 30})
 NEW_COLUMNS = {"trace": ["gain", "missed"], "summary": ["gain_median", "missed_median"]}
 
 
@@ -36,10 +29,11 @@ def reward_missed(points, reference, mission):
 def columns(monkeypatch):
     """Register one that needs no reference, and one that does; gives the columns before that."""
     columns = {name: [*schema] for name, schema in SCHEMAS.items()}
-    gain = Indicator("gain %", most_reward, higher_is_better=True)
-    missed = Indicator("missed", reward_missed, higher_is_better=False, needs_reference=True)
-    monkeypatch.setitem(INDICATORS.own, "gain", gain)
-    monkeypatch.setitem(INDICATORS.own, "missed", missed)
+    for name, own in {
+        "gain": Indicator("gain %", most_reward, higher_is_better=True),
+        "missed": Indicator("missed", reward_missed, higher_is_better=False, needs_reference=True),
+    }.items():
+        monkeypatch.setitem(INDICATORS.own, name, own)
     return columns
 
 

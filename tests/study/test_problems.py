@@ -8,7 +8,7 @@ from pymoo.optimize import minimize
 
 from botohe_moo import area_indicator, load_mission, make_algorithm
 from botohe_moo.indicators import igd_plus_indicator
-from botohe_moo.study import StudyError, load_study, make_tables, merge_studies, run_study
+from botohe_moo.study import StudyError, load_study, make_tables, run_study
 from botohe_moo.study.model import check_code
 from botohe_moo.study.perform import Outcome, perform, verify
 from botohe_moo.study.pool import checked_outcome
@@ -55,20 +55,11 @@ def with_problem(run, path):
 
 
 class TestRun:
-    def test_fronts_are_those_of_the_problem(self, studied):
+    def test_fronts_and_indicators_are_those_of_the_problem(self, studied):
         _, tables = studied
-        assert tables.runs["status"].tolist() == ["done"] * 2
-        assert tables.runs["evaluations"].tolist() == [120] * 2
+        assert tables.runs[["status", "evaluations"]].values.tolist() == [["done", 120]] * 2
         problem = Weakest(tables.mission("toy"))
-        rows = tables.plans
-        plans = [tables.plan(row["run"], row["plan_id"]) for row in rows.to_dict("records")]
-        F = problem.evaluate_batch(problem.mission.batch(plans))
-        assert np.allclose(rows[["reward", "least"]], -F, rtol=1e-12)
-        assert rows["least"].max() == 1.0
-
-    def test_indicators_are_shares_of_its_bounds(self, studied):
-        _, tables = studied
-        most = Weakest(tables.mission("toy")).objectives
+        most = problem.objectives
         assert tables.objectives("toy") == most
         assert most.bounds == (10.0, 1.0)
         reference = tables.references[["reward", "least"]].to_numpy()
@@ -76,9 +67,13 @@ class TestRun:
         for row in tables.runs.to_dict("records"):
             of_run = tables.plans[tables.plans["run"] == row["run"]]
             points = of_run[["reward", "least"]].to_numpy()
+            plans = [tables.plan(row["run"], plan_id) for plan_id in of_run["plan_id"]]
+            F = problem.evaluate_batch(problem.mission.batch(plans))
+            assert np.allclose(points, -F, rtol=1e-12)
             assert row["area"] == area_indicator(points, most) > 0
             igd_plus = igd_plus_indicator(points, reference, most)
             assert found[row["run"], "igd_plus"] == pytest.approx(igd_plus)
+        assert tables.plans["least"].max() == 1.0
         assert tables.targets["n_reached"].max() > 0
 
     @pytest.mark.usefixtures("sketched")
@@ -91,24 +86,6 @@ class TestRun:
         assert f"{MADE}:Weakest, with the objectives E[R], least survival" in page
         assert "total reward times robots" not in page
         assert {"fronts-toy.png", "areas-toy.png"} <= {path.name for path in paths}
-
-    def test_parts_are_merged_if_they_have_one_problem(self, studied, tmp_path):
-        folder, _ = studied
-        run_study({**STUDY, "seeds": [3]}, tmp_path / "b")
-        assert len(merge_studies([folder, tmp_path / "b"], tmp_path / "both").runs) == 4
-        run_study(PLAIN, tmp_path / "c")
-        with pytest.raises(StudyError, match=r"expected the study of .* but for its seeds"):
-            merge_studies([folder, tmp_path / "c"], tmp_path / "none")
-
-    @pytest.mark.parametrize("name", ["moead", "greedy"])
-    def test_the_same_is_found_by_minimize(self, name):
-        outcome, run, records = performed(name)
-        assert (outcome.status, outcome.error) == ("done", None)
-        plans, objectives = records[-1].plans
-        verify(run, plans, objectives)
-        problem = Weakest(run.mission.mission)
-        result = minimize(problem, make_algorithm(name), ("n_eval", 120), seed=1)
-        assert sorted(map(tuple, -result.F)) == sorted(map(tuple, objectives))
 
     @pytest.mark.parametrize("problem", [None, "Same"])
     def test_what_kernels_evaluate_overrides_nothing(self, problem):

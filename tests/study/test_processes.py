@@ -6,7 +6,6 @@ import json
 import os
 import pty
 import random
-import re
 import select
 import signal
 import struct
@@ -20,6 +19,7 @@ from unittest import mock
 import pytest
 
 from botohe_moo.study import StudyError, make_tables, pool, read_study, run_study
+from botohe_moo.study.perform import Outcome, Record
 from tests.forked import Forked, run_forked
 from tests.study.made import MADE, Watcher, assert_same, study_of
 
@@ -27,22 +27,17 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
 
-STUDY = """
-name: trial
-missions: [toy, art_museum]
-algorithms:
-  NSGA-II: {algorithm: nsga2, parameters: {pop_size: 20}}
-  few: {algorithm: random, parameters: {n_ants: 20}}
-  random: random
-budget: {evaluations: 1_000}
-seeds: 4
-comparison: {control: random}
-"""
-
+NSGA = {"algorithm": "nsga2", "parameters": {"pop_size": 20}}
+STUDY = study_of(
+    missions=["toy", "art_museum"],
+    algorithms={"NSGA-II": NSGA, "random": "random", "greedy": "greedy"},
+    budget={"evaluations": 1_000},
+    seeds=4,
+)
 SMALL = study_of(algorithms=["random"], budget={"evaluations": 40})
 
 
-def start(*arguments, popen=Forked, **options):
+def start(*arguments, popen=Forked):
     """Start ``botohe study`` from the folder that has the tests' algorithms.
 
     With ``subprocess.Popen`` it is started as a user would, and loads everything anew.
@@ -54,7 +49,6 @@ def start(*arguments, popen=Forked, **options):
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
-        **options,
     )
 
 
@@ -64,24 +58,18 @@ def finish(process, timeout=120):
 
 
 @pytest.fixture(autouse=True)
-def interruptible():
-    """Let Ctrl-C reach the processes that tests start, even if the tests are run without it."""
-    usual = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, usual)
-
-
-@pytest.fixture(autouse=True)
 def environment_as_it_was():
-    """Take back what Dask puts into the environment of its workers, which comes from this one."""
+    """Let Ctrl-C reach what tests start; take back what Dask puts into its workers' environment."""
+    usual = signal.signal(signal.SIGINT, signal.default_int_handler)
     with mock.patch.dict(os.environ):
         yield
+    signal.signal(signal.SIGINT, usual)
 
 
 @pytest.fixture(scope="module")
 def study_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("file") / "study.yaml"
-    path.write_text(STUDY)
+    path.write_text(json.dumps(STUDY))
     return path
 
 
@@ -90,8 +78,8 @@ def uninterrupted(study_file, tmp_path_factory):
     return run_study(study_file, tmp_path_factory.mktemp("one"))
 
 
-def wait_until(condition, timeout=60):
-    deadline = time.monotonic() + timeout
+def wait_until(condition):
+    deadline = time.monotonic() + 60
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.02)
@@ -104,28 +92,25 @@ def n_done(folder):
 def test_five_kills_at_random_moments_change_nothing(
     study_file, uninterrupted, processes_there, tmp_path
 ):
-    folder = tmp_path / "killed"
-    rng = random.Random(5)
-    counts = []
+    folder, rng, counts = tmp_path / "killed", random.Random(5), []
+    command = ("run", study_file, "--out", folder, "--workers", 2)
     for i in range(5):
-        command = ("run", study_file, "--out", folder, "--workers", 2)
         # The last with processes whose environment can be looked at.
         process = start(*command, popen=subprocess.Popen if i == 4 else Forked)
         # Past the start, so that some of the kills meet runs and files; never waits for the end.
         aim = n_done(folder) + rng.randint(0, 3)
-        wait_until(
-            lambda aim=aim, process=process: n_done(folder) >= aim or process.poll() is not None
-        )
+        while n_done(folder) < aim and process.poll() is None:
+            time.sleep(0.02)
         time.sleep(rng.random() * 0.1)
         process.kill()
         process.communicate()
         counts.append(n_done(folder))
     assert counts == sorted(counts)  # what is done stays done
     assert counts[0] < 24  # it was at work
-    wait_until(lambda: not processes_there(), timeout=20)  # nobody works for a dead runner
+    wait_until(lambda: not processes_there())  # nobody works for a dead runner
     partial = make_tables(folder)
     assert (len(partial.runs), partial.missing["missing"].sum()) == (counts[-1], 24 - counts[-1])
-    status, _, err = finish(start("run", study_file, "--out", folder, "--workers", 2))
+    status, _, err = finish(start(*command))
     assert status == 0, err
     assert f"{counts[-1]} are there" in err
     assert_same(read_study(folder), uninterrupted)
@@ -177,7 +162,6 @@ def test_a_terminal_that_is_closed(study_file, tmp_path):
     assert 1 <= len(read_study(folder).runs) <= 24
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="threads are counted in /proc")
 def test_no_thread_is_left_that_may_outlive_python(tmp_path):
     """Arrow's threads abort the interpreter now and then where they do."""
     code = f"""if True:
@@ -193,36 +177,26 @@ def test_no_thread_is_left_that_may_outlive_python(tmp_path):
 
 def test_two_workers_work_at_the_same_time(tmp_path):
     # Runs that sleep: at the same time they overlap, whatever else the machine does.
-    source = study_of(
-        algorithms={"slow": {"algorithm": f"{MADE}:Slow", "parameters": {"seconds": 0.2}}},
-        budget={"evaluations": 40, "seconds": 60},  # each record is sent at once
-    )
+    entry = {"algorithm": f"{MADE}:Doing", "parameters": {"what": "time.sleep(0.2)", "n": 10}}
+    # With a budget of seconds, each record is sent at once.
+    source = study_of(algorithms={"slow": entry}, budget={"evaluations": 40, "seconds": 60})
+    times = {}
 
-    class Overlap(Watcher):
-        def __init__(self):
-            super().__init__()
-            self.times = {}
+    def progress(about, news):
+        if isinstance(news, Record):
+            times.setdefault(about.digest, []).append(time.monotonic())
 
-        def record(self, run, record):
-            self.times.setdefault(run.digest, []).append(time.monotonic())
-
-        def most(self):
-            """Most runs that were at work at one moment."""
-            spans = [(min(times), max(times)) for times in self.times.values()]
-            return max(sum(a <= moment <= b for a, b in spans) for moment, _ in spans)
-
-    two = Overlap()
-    run_study(source, tmp_path, workers=2, progress=two)
-    assert two.most() == 2
+    run_study(source, tmp_path, workers=2, progress=progress)
+    (one_began, *_, one_ended), (other_began, *_, other_ended) = times.values()
+    assert max(one_began, other_began) < min(one_ended, other_ended)
 
 
 @pytest.fixture
 def scheduler(tmp_path):
     """A Dask scheduler without workers; gives its address."""
     distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=0, dashboard_address=None, local_directory=tmp_path / "dask"
-    ) as cluster:
+    options = {"dashboard_address": None, "local_directory": tmp_path / "dask"}
+    with distributed.LocalCluster(n_workers=0, **options) as cluster:
         yield cluster.scheduler_address
 
 
@@ -233,22 +207,17 @@ def hire(scheduler, tmp_path):
 
     def start_worker(*flags, path=()):
         name = f"w{len(hired)}"
-        folders = (*path, ROOT) if "-S" in flags else (*path, ROOT, ROOT / "src")
-        popen = subprocess.Popen if flags or path else Forked
+        folders = (*path, ROOT) if flags else (*path, ROOT, ROOT / "src")
         begin = "import sys; sys.path[:] = [p for p in sys.path if p] + eval(sys.argv.pop()); "
         work = "from distributed.cli.dask_worker import main; main()"
-        hired.append(
-            popen(
-                [
-                    sys.executable, *flags, "-c", begin + work, scheduler, "--no-nanny",
-                    "--no-dashboard", "--nthreads", "1", "--name", name,
-                    "--local-directory", str(tmp_path / name), repr([str(p) for p in path]),
-                ],
-                cwd=tmp_path,
-                stderr=subprocess.DEVNULL,
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, folders))},
-            )
-        )  # fmt: skip
+        command = [
+            sys.executable, *flags, "-c", begin + work, scheduler, "--no-nanny", "--no-dashboard",
+            "--nthreads", "1", "--name", name, "--local-directory", str(tmp_path / name),
+            repr([str(p) for p in path]),
+        ]  # fmt: skip
+        env = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, folders))}
+        popen = subprocess.Popen if flags else Forked
+        hired.append(popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL, env=env))
         return hired[-1]
 
     yield start_worker
@@ -257,36 +226,16 @@ def hire(scheduler, tmp_path):
         worker.wait()
 
 
-def lines_until(process, wanted):
-    """Read what a process says until it says that; it is killed if it does not."""
-    said = []
-    with contextlib.suppress(StopIteration):
-        while wanted not in "".join(said):
-            said.append(next(process.stderr))
-    return "".join(said)
-
-
-def wait_for_workers(scheduler, n):
-    import distributed
-
-    with distributed.Client(scheduler, set_as_default=False) as client:
-        client.wait_for_workers(n, timeout=60)
-
-
 def test_a_worker_that_lacks_the_package_is_named(scheduler, hire, tmp_path):
     import distributed
 
     # Without site, what is installed for editing is not found.
     hire("-S", path=[Path(distributed.__file__).parents[1]])
-    wait_for_workers(scheduler, 1)
-    (tmp_path / "s.json").write_text(json.dumps(SMALL))
-    folder = tmp_path / "out"
-    process = start("run", tmp_path / "s.json", "--out", folder, "--dask", scheduler)
-    status, _, err = finish(process)
-    assert status == 1, err
-    assert re.search(r"tcp://\S+ cannot perform runs: .*ModuleNotFoundError", err)
-    assert "No module named 'botohe_moo" in err.replace("\\", "")
-    assert "Traceback" not in err
+    with distributed.Client(scheduler, set_as_default=False) as client:
+        client.wait_for_workers(1, timeout=60)
+    said = r"tcp://\S+ cannot perform runs: .*ModuleNotFoundError.*No module named .*botohe_moo"
+    with pytest.raises(StudyError, match=said):
+        run_study(SMALL, tmp_path / "out", dask=scheduler)
 
 
 def test_killed_dask_workers_change_nothing(study_file, uninterrupted, scheduler, hire, tmp_path):
@@ -314,44 +263,36 @@ def test_killed_dask_workers_change_nothing(study_file, uninterrupted, scheduler
 
 def test_waiting_for_workers_can_be_stopped(study_file, scheduler, tmp_path):
     process = start("run", study_file, "--out", tmp_path / "out", "--dask", scheduler)
-    lines_until(process, "waiting for one")
+    assert any("waiting for one" in line for line in process.stderr)
     os.kill(process.pid, signal.SIGINT)
     status, _, err = finish(process)
     assert status == 130, err
     assert "Traceback" not in err
 
 
-def test_no_scheduler_at_the_address(study_file, tmp_path, monkeypatch):
+def test_no_scheduler_at_the_address(tmp_path, monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr(pool, "_SECONDS_TO_CONNECT", 0.5)
-    with pytest.raises(StudyError, match=r"No Dask scheduler answers at 'tcp://127\.0\.0\.1:1'"):
-        run_study(study_file, tmp_path, dask="tcp://127.0.0.1:1")
-    for address in ("localhost", "tcp://127.0.0.1:99999"):
+    for address in ("tcp://127.0.0.1:1", "localhost", "tcp://127.0.0.1:99999"):
         with pytest.raises(StudyError, match=f"No Dask scheduler answers at '{address}'"):
-            run_study(study_file, tmp_path, dask=address)
+            run_study(SMALL, tmp_path, dask=address)
 
 
 def test_a_cluster_that_goes_away(study_file, tmp_path):
     distributed = pytest.importorskip("distributed")
-    cluster = distributed.LocalCluster(
-        n_workers=1,
-        threads_per_worker=1,
-        processes=False,
-        dashboard_address=None,
-        local_directory=tmp_path / "dask",
-        protocol="tcp",
-    )
+    options = {"dashboard_address": None, "local_directory": tmp_path / "dask", "protocol": "tcp"}
+    cluster = distributed.LocalCluster(1, threads_per_worker=1, processes=False, **options)
+    ended = []
 
-    class Closing(Watcher):
-        def end(self, run, outcome):
-            super().end(run, outcome)
-            if len(self.performed) == 2:
-                cluster.close()
+    def progress(about, news):
+        ended.extend([about] * isinstance(news, Outcome))
+        if len(ended) == 2:
+            cluster.close()
 
-    watcher = Closing()
+    folder = tmp_path / "out"
     with pytest.raises(StudyError, match="The Dask scheduler is gone"):
-        run_study(study_file, tmp_path / "out", dask=cluster.scheduler_address, progress=watcher)
-    assert len(list((tmp_path / "out" / "runs").glob("*.npz"))) >= 2
+        run_study(study_file, folder, dask=cluster.scheduler_address, progress=progress)
+    assert n_done(folder) >= 2
 
 
 def test_the_current_folder_has_algorithms(tmp_path):

@@ -11,11 +11,10 @@ from unittest import mock
 import numpy as np
 import pandas as pd
 import pytest
-from pymoo.optimize import minimize
 from rich.cells import cell_len
 from typer.testing import CliRunner
 
-from botohe_moo import BOTOHE, area_indicator, load_mission, make_algorithm
+from botohe_moo import area_indicator, load_mission
 from botohe_moo.cli.study import _plan_table, study_app
 from botohe_moo.mission.loading import save_mission
 from botohe_moo.study import StudyError, make_tables, merge_studies, read_study, run_study, runner
@@ -26,7 +25,7 @@ from botohe_moo.study.loading import load_study
 from botohe_moo.study.perform import Outcome
 from botohe_moo.study.pool import WorkerPool
 from botohe_moo.study.tables import INDEX, SCHEMAS, as_table, write_tables
-from tests.study.made import MADE, Watcher, assert_same, outcome_of, study_of, watched
+from tests.study.made import MADE, assert_same, outcome_of, study_of, watched
 
 pytestmark = pytest.mark.usefixtures("in_process")
 
@@ -36,15 +35,16 @@ FLOOR = 0.5
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
     """A study of everything that can come of a run."""
+    told = {"never": "time.sleep(3600)", "dying": "os.abort()"}
+    doing = {x: {"algorithm": f"{MADE}:Doing", "parameters": {"what": told[x]}} for x in told}
     source = study_of(
         missions={"plant": {"mission": "power_plant", "min_survival": FLOOR, "robots": 3}},
         algorithms={
             "random": "random",
             "sampler": f"{MADE}:Sampler",
-            "raising": f"{MADE}:Raising",
+            "raising": f"{MADE}:Doing",
             "infeasible": f"{MADE}:Infeasible",
-            "never": f"{MADE}:NeverEnding",
-            "dying": f"{MADE}:Dying",
+            **doing,
         },
         budget={"evaluations": 200, "seconds": 1, "grace_seconds": 0.2},
         seeds=1,
@@ -70,35 +70,29 @@ def small(finished, tmp_path):
 class TestWhatComesOfRuns:
     def test_each_is_reported_as_such(self, done):
         runs = done.runs.set_index("algorithm")
-        ends = dict(zip(runs.index, runs[["status", "stopped_by"]].values.tolist(), strict=True))
+        ends = runs[["status", "stopped_by", "evaluations"]].T.to_dict("list")
+        assert 0 < ends["infeasible"].pop() <= 200
         assert ends == {
-            "random": ["done", "evaluations"],
-            "sampler": ["done", "evaluations"],
-            "raising": ["failed", "error"],
+            "random": ["done", "evaluations", 200],
+            "sampler": ["done", "evaluations", 200],
+            "raising": ["failed", "error", 20],
             "infeasible": ["infeasible", "evaluations"],
-            "never": ["timeout", "limit"],
-            "dying": ["failed", "error"],
+            "never": ["timeout", "limit", 20],
+            "dying": ["failed", "error", 20],
         }
         assert runs["error"]["raising"] == "RuntimeError: out of luck"
         assert "_advance" in runs["traceback"]["raising"]
         assert "SIGABRT" in runs["error"]["dying"]
         assert "killed" in runs["error"]["never"]
         assert pd.isna(runs["error"]["random"])
-        spent = {"random": 200, "sampler": 200, "raising": 20, "never": 20}
-        assert runs["evaluations"][[*spent]].to_dict() == spent
-        assert runs["evaluations"]["infeasible"] <= 200
-        assert done.summary.set_index("algorithm")["n_not_done"].tolist() == [0, 0, 1, 1, 1, 1]
-
-    def test_runs_without_a_front_are_scored_as_bringing_nothing(self, done):
+        assert done.summary["n_not_done"].tolist() == [0, 0, 1, 1, 1, 1]
+        # Runs without a front are scored as bringing nothing; what killed runs had found counts.
         values = done.indicators.set_index(["indicator", "algorithm"])["value"]
         for label in ("raising", "infeasible", "dying"):
             assert values["area"][label] == values["front_size"][label] == 0
             assert 0 < values["igd_plus"][label] < np.inf
-
-    def test_what_a_killed_run_had_found_counts(self, done):
-        never = done.runs.set_index("algorithm").loc["never"]
-        assert never["area"] > 0
-        assert (done.plans["algorithm"] == "never").sum() == never["front_size"]
+        assert runs["area"]["never"] > 0
+        assert (done.plans["algorithm"] == "never").sum() == runs["front_size"]["never"]
 
     def test_every_row_can_be_evaluated_again(self, done):
         for (label, run), rows in done.plans.groupby(["mission", "run"]):
@@ -112,56 +106,37 @@ class TestWhatComesOfRuns:
         with pytest.raises(KeyError, match="found 0"):
             done.plan(done.runs["run"].iloc[0], 10**6)
 
-    def test_runs_trace_and_fronts_agree(self, done):
-        last, runs = done.trace.groupby("run").last(), done.runs.set_index("run")
-        for column in ("evaluations", "area", "front_size"):
-            assert (last[column] == runs.loc[last.index, column]).all()
-        areas = done.trace.set_index(["run", "evaluations"])["area"]
-        for key, points in done.fronts.groupby(["run", "evaluations"]):
-            mission = done.mission(points["mission"].iloc[0])
-            assert area_indicator(points[["reward", "survivors"]], mission) == areas[key]
-
-    def test_a_run_can_be_repeated_from_its_row(self, done):
-        row = done.runs.set_index("algorithm").loc["random"]
-        problem = BOTOHE(load_mission("power_plant", robots=3), min_survival=FLOOR)
-        spent = ("n_eval", int(row["evaluations"]))
-        result = minimize(problem, make_algorithm("random"), spent, seed=int(row["seed"]))
-        assert area_indicator(-result.F, problem.mission) == row["area"]
-
 
 class TestTables:
     def test_types_and_numbers_come_back(self, tmp_path):
-        columns = {
-            "mission": ['a, "b"\nc', "ε", "NA"],
-            "indicator": ["x", "y", "z"],
-            "n": [1, 2**62, 0],
-            "p_value": [0.1 + 0.2, 5e-324, float("inf")],
-            "significant": [True, False, True],
-        }
-        odd = {"further flags": [True, None, False], "mine": [1, None, 2**53 + 1]}
-        types = {"further flags": "boolean", "mine": "Int64"}
         whole = {name: as_table(name, []) for name in SCHEMAS}
         fill_of = {"text": "t", "integer": 1, "number": 0.5, "flag": True}
-        fill = {name: fill_of[of.type] for name, of in SCHEMAS["comparisons"].items()}
-        rows = pd.DataFrame({**{k: [v] * 3 for k, v in fill.items()}, **columns})
-        whole["comparisons"] = as_table("comparisons", rows)
-        rest = {name: fill_of[of.type] for name, of in SCHEMAS["missions"].items()}
-        frame = as_table("missions", [rest] * 3)
-        whole["missions"] = frame.assign(**pd.DataFrame(odd).astype(types))
+        for name, columns in {
+            "comparisons": {
+                "mission": ['a, "b"\nc', "ε", "NA"],
+                "indicator": ["x", "y", "z"],
+                "n": [1, 2**62, 0],
+                "p_value": [0.1 + 0.2, 5e-324, float("inf")],
+                "significant": [True, False, True],
+            },
+            "missions": {
+                "further flags": pd.array([True, None, False], "boolean"),
+                "mine": pd.array([1, None, 2**53 + 1], "Int64"),
+            },
+        }.items():
+            fill = {column: fill_of[of.type] for column, of in SCHEMAS[name].items()}
+            whole[name] = as_table(name, pd.DataFrame([fill] * 3).assign(**columns))
         (tmp_path / "study.json").write_text("{}")
         write_tables(tmp_path, whole, {})
         read = read_study(tmp_path)
         pd.testing.assert_frame_equal(read.comparisons, whole["comparisons"], check_exact=True)
-        assert read.missions[[*odd]].equals(whole["missions"][[*odd]])
-        assert dict(read.missions.dtypes.astype(str))["bound_area"] == "float64"
+        pd.testing.assert_frame_equal(read.missions, whole["missions"], check_exact=True)
+        assert read.missions["bound_area"].dtype == "float64"
 
     def test_what_is_not_of_its_schema_is_not_written(self, done):
         as_table("runs", done.runs)
-        for changed in (
-            done.runs.drop(columns="evaluations"),
-            done.runs.assign(area="high"),
-            done.runs.assign(evaluations="many"),
-        ):
+        changes = done.runs.assign(area="high"), done.runs.assign(evaluations="many")
+        for changed in (done.runs.drop(columns="evaluations"), *changes):
             with pytest.raises((TypeError, ValueError)):
                 as_table("runs", changed)
 
@@ -185,8 +160,7 @@ class TestTables:
 
     def test_tables_of_another_version_are_named(self, small):
         index = json.loads((small / INDEX).read_bytes())
-        index["version"] = "0"  # as if the package had other columns
-        (small / INDEX).write_text(json.dumps(index))
+        (small / INDEX).write_text(json.dumps({**index, "version": "0"}))  # it has other columns
         with pytest.raises(StudyError, match=r"tables are of another version.*study tables"):
             read_study(small)
         (small / INDEX).unlink()
@@ -197,11 +171,11 @@ class TestTables:
     def test_earlier_ones_stay_readable_while_a_changed_study_runs(self, small):
         before, seen = read_study(small), []
 
-        class Reading(Watcher):
-            def end(self, run, outcome):
+        def progress(about, news):
+            if isinstance(news, Outcome):
                 seen.append(read_study(small))
 
-        after = run_study(study_of(seeds=3, algorithms=["greedy"]), small, progress=Reading())
+        after = run_study(study_of(seeds=3, algorithms=["greedy"]), small, progress=progress)
         [tables] = seen
         assert_same(tables, before)
         assert tables.manifest["seeds"] == [1, 2]
@@ -213,18 +187,17 @@ class TestTables:
         """Wherever it is killed, a reader gets all tables of one moment, or an error."""
         before = read_study(small)
         StudyFolder(small).write_study(load_study(study_of(seeds=1)))
-        usual, written = table_files.replace_file, []
+        usual, left = table_files.replace_file, iter(range(n_written))
 
         def replace_file(path, data):
-            if len(written) == n_written:
+            if next(left, None) is None:
                 raise KeyboardInterrupt
-            written.append(path)
             usual(path, data)
 
-        monkeypatch.setattr(table_files, "replace_file", replace_file)
-        with pytest.raises(KeyboardInterrupt):
-            make_tables(small)
-        monkeypatch.setattr(table_files, "replace_file", usual)
+        with monkeypatch.context() as patch:
+            patch.setattr(table_files, "replace_file", replace_file)
+            with pytest.raises(KeyboardInterrupt):
+                make_tables(small)
         if n_written == 0:
             assert_same(read_study(small), before)
         else:
@@ -239,12 +212,10 @@ class TestTables:
         (tmp_path / "elsewhere" / "mine_for_a_while.py").write_text(code)
         save_mission(load_mission("toy"), tmp_path / "elsewhere" / "site.json")
         monkeypatch.syspath_prepend(tmp_path / "elsewhere")
+        mine = {"algorithm": "mine_for_a_while:Ants", "grid": {"n_ants": [10, 20]}}
         source = study_of(
             missions={"site": {"mission": "site.json", "robots": 3}, "toy": "toy"},
-            algorithms={
-                "mine": {"algorithm": "mine_for_a_while:Ants", "grid": {"n_ants": [10, 20]}},
-                "random": "random",
-            },
+            algorithms={"mine": mine, "random": "random"},
             seeds=1,
             recording={"at": [7]},
             title="As it was",
@@ -276,26 +247,19 @@ class TestTables:
             ("runs/*.npz", lambda data: data[: len(data) // 2], ".*"),
             ("runs/*.npz", lambda d: d[:200] + bytes([d[200] ^ 1]) + d[201:], ".*"),
             ("runs/*.npz", lambda _: b"\x80\x04K\x01.", ".*"),  # a pickle
+            ("runs/*.npz", None, "it holds another run"),
         ],
     )
     def test_damaged_files_of_the_study_are_named(self, small, name, damage, said):
-        path = min(small.glob(name))
+        path, *others = sorted(small.glob(name))
         before = path.read_bytes()
-        path.write_bytes(damage(before))
+        path.write_bytes(damage(before) if damage else others[0].read_bytes())
         assert path.read_bytes() != before
         for work in (make_tables, lambda folder: merge_studies([folder], small.parent / "all")):
             with pytest.raises(StudyError, match=rf"{path.name}: damaged \({said}.*; remove"):
                 work(small)
 
-    def test_a_run_under_the_name_of_another_is_named(self, small):
-        one, other, *_ = sorted((small / "runs").glob("*.npz"))
-        other.write_bytes(one.read_bytes())
-        with pytest.raises(StudyError, match=rf"{other}: damaged \(it holds another run\)"):
-            make_tables(small)
-
-    def test_folders_without_a_study(self, tmp_path):
-        with pytest.raises(StudyError, match="there is no study in this folder"):
-            read_study(tmp_path / "nowhere")
+    def test_tables_that_are_not_written_yet(self, tmp_path):
         study = load_study(study_of())
         with StudyFolder(tmp_path).locked(study):
             StudyFolder(tmp_path).write_study(study)
@@ -323,64 +287,56 @@ class TestAgain:
         assert_same(run_study(study_of(), small), before)
         assert_same(read_study(small), before)
 
-    def test_only_what_is_new_is_performed(self, small, tmp_path):
+    def test_only_what_is_new_is_performed_and_what_is_left_out_is_kept(self, small, tmp_path):
         few = {"algorithm": "random", "parameters": {"n_ants": 20}}
-        source = study_of(algorithms={"new": few, "random": "random", "g": "greedy"}, seeds=3)
+        source = study_of(algorithms={"new": few, "g": "greedy"}, seeds=3)
         tables, watcher = watched(source, small)
-        expected = [("g", 3), *(("new", seed) for seed in (1, 2, 3)), ("random", 3)]
+        expected = [("g", 3), *(("new", seed) for seed in (1, 2, 3))]
         assert sorted(watcher.performed) == [(*run, "done") for run in expected]
         assert_same(tables, run_study(source, tmp_path / "fresh"))
-
-    def test_what_is_left_out_is_not_in_the_tables_but_kept(self, small):
-        tables, watcher = watched(study_of(algorithms=["greedy"]), small)
-        assert set(tables.runs["algorithm"]) == {"greedy"}
         tables, again = watched(study_of(comparison={"control": "greedy"}), small)
-        assert watcher.performed == again.performed == []
+        assert again.performed == []
         assert set(tables.comparisons["other"]) == {"greedy"}
 
     def test_a_damaged_run_is_named_before_others_begin(self, small):
         path, *others = (small / "runs").iterdir()
         path.write_bytes(b"damaged")
         with pytest.raises(StudyError, match=f"{path.name}: damaged"):
-            watched(study_of(seeds=3), small)
+            run_study(study_of(seeds=3), small)
         assert len([*(small / "runs").iterdir()]) == 1 + len(others)
 
     @pytest.mark.filterwarnings("error:.* runs failed")
     def test_failed_runs_are_tried_again(self, tmp_path):
         stone, folder = tmp_path / "stone", tmp_path / "study"
         stone.touch()
-        entry = {"algorithm": f"{MADE}:RaisingOnce", "parameters": {"path": str(stone)}}
+        what = f"if Path({str(stone)!r}).exists(): raise RuntimeError('a stone')"
+        entry = {"algorithm": f"{MADE}:Doing", "parameters": {"what": what}}
         source = study_of(algorithms={"x": entry}, seeds=1)
         for _ in range(2):
             with pytest.warns(UserWarning, match=r"all 1 runs failed, the first with: Runtime"):
-                tables, watcher = watched(source, folder)
+                _, watcher = watched(source, folder)
             assert watcher.performed == [("x", 1, "failed")]
         stone.unlink()
         tables, watcher = watched(source, folder)
         assert watcher.performed == [("x", 1, "done")]
         assert tables.runs["error"].isna().all()
-        _, watcher = watched(source, folder)
-        assert watcher.performed == []
 
 
 class TestFolder:
-    def test_another_study_is_not_overwritten(self, small):
+    def test_other_peoples_folders_are_left_alone(self, small, tmp_path):
         with pytest.raises(StudyError, match="that of the study 'other', found the study 'trial'"):
             run_study(study_of(name="other"), small)
-
-    def test_other_peoples_folders_are_left_alone(self, tmp_path):
-        (tmp_path / "runs.csv").write_text("mine")
-        (tmp_path / ".important.tmp").write_text("mine")
+        (folder := tmp_path / "others").mkdir()
+        names = [".important.tmp", "runs.csv"]
+        for name in names:
+            (folder / name).write_text("mine")
         with pytest.raises(StudyError, match="expected an empty folder or that of the study"):
-            run_study(study_of(), tmp_path)
-        assert sorted(path.name for path in tmp_path.iterdir()) == [".important.tmp", "runs.csv"]
-
-    def test_a_second_runner_stops(self, small):
-        with (
-            StudyFolder(small).locked(load_study(study_of())),
-            pytest.raises(StudyError, match="another runner is at work in this folder"),
-        ):
-            run_study(study_of(), small)
+            run_study(study_of(), folder)
+        assert sorted(path.name for path in folder.iterdir()) == names
+        study = load_study(study_of())
+        busy = pytest.raises(StudyError, match="another runner is at work in this folder")
+        with StudyFolder(small).locked(study), busy:
+            run_study(study, small)
 
     def test_a_folder_is_known_when_it_holds_nothing_but_a_lock(self, tmp_path):
         study = study_of(algorithms=["greedy"])
@@ -391,45 +347,38 @@ class TestFolder:
         assert not leftover.exists()
 
     def test_a_full_disk_loses_nothing(self, tmp_path, monkeypatch):
-        usual, n = run_folder.replace_file, [0]
+        usual, left = run_folder.replace_file, [1, 2]
 
         def replace_file(path, data):
-            n[0] += path.suffix == ".npz"
-            if n[0] == 3:
+            if path.suffix == ".npz" and not (left and left.pop()):
                 raise OSError(errno.ENOSPC, "No space left on device", str(path))
             usual(path, data)
 
-        monkeypatch.setattr(run_folder, "replace_file", replace_file)
-        with pytest.raises(OSError, match=r"No space left on device: .*\.npz"):
-            run_study(study_of(), tmp_path)
-        monkeypatch.undo()
+        with monkeypatch.context() as patch:
+            patch.setattr(run_folder, "replace_file", replace_file)
+            with pytest.raises(OSError, match=r"No space left on device: .*\.npz"):
+                run_study(study_of(), tmp_path)
         _, watcher = watched(study_of(), tmp_path)
         assert len(watcher.performed) == 2
 
     def test_the_file_of_a_run_has_all_of_it(self, tmp_path):
         study, store = load_study(study_of()), StudyFolder(tmp_path / "study")
         run = study.runs()[0]
+        failed = Outcome("failed", "error", error="it broke")
         done = outcome_of(run, [(0.4, 0.4)], [(0.6, 0.5), (0.5, 0.6)], ties=2)
         with store.locked(study):
-            store.save(run, Outcome("failed", "error", error="it broke"))
-            found = store.load(run)
-            assert (found.status, found.error, found.records) == ("failed", "it broke", ())
-            assert store.finished([run]) == set()
+            store.save(run, failed)
+            assert (store.load(run), store.finished([run])) == (failed, frozenset())
             store.save(run, done)
         assert store.finished([run]) == {run.digest}
         found = store.load(run)
         assert replace(found, records=()) == replace(done, records=())
         for one, other in zip(found.records, done.records, strict=True):
-            for name in ("evaluations", "seconds", "ties"):
-                assert getattr(one, name) == getattr(other, name)
             assert one.objectives.tolist() == other.objectives.tolist()
+            bare = replace(one, objectives=other.objectives, plans=other.plans)
+            assert vars(bare) == vars(other)
         (plans, objectives), (expected, claimed) = found.records[-1].plans, done.records[-1].plans
-        assert list(plans) == list(expected)
-        assert objectives.tolist() == claimed.tolist()
-
-    def test_workers_are_checked(self, tmp_path):
-        with pytest.raises(ValueError, match=r"Expected workers in \[1, 1024\], got 0"):
-            run_study(study_of(), tmp_path, workers=0)
+        assert (list(plans), objectives.tolist()) == (list(expected), claimed.tolist())
 
 
 class TestMerged:
@@ -449,9 +398,9 @@ class TestMerged:
         assert {run.digest for run in study.runs()} == set(merged.runs["run"])
         # One of the folders can take the others, and its own runs stay.
         before = read_study(parts[0]).runs.set_index("run")["began"]
-        merged = merge_studies(parts[::-1], parts[0])
-        assert len(merged.runs) == 6
-        assert merged.runs.set_index("run")["began"][before.index].equals(before)
+        began = merge_studies(parts[::-1], parts[0]).runs.set_index("run")["began"]
+        assert len(began) == 6
+        assert began[before.index].equals(before)
 
     def test_what_was_stopped_or_failed_on_one_machine_comes_from_another(self, parts, tmp_path):
         store, study = StudyFolder(parts[0]), load_study(study_of())
@@ -460,19 +409,16 @@ class TestMerged:
             store.save(run, replace(store.load(run), status="failed", error="it broke"))
             (parts[0] / "runs" / f"{run.digest}.npz").unlink()
             ends[run.digest] = "done" if run.seed == 2 else "failed"
-        merged = merge_studies(parts, tmp_path / "all")
-        assert (len(merged.runs), merged.missing["missing"].sum()) == (6, 0)
-        assert merged.runs.set_index("run")["status"][[*ends]].to_dict() == ends
+        runs = merge_studies(parts, tmp_path / "all").runs
+        assert len(runs) == 6
+        assert runs.set_index("run")["status"][[*ends]].to_dict() == ends
 
     @pytest.mark.parametrize(
         "other",
-        [
-            {"name": "another", "title": "Other"},
-            # Files of one name may differ.
-            {"missions": {"toy": {"mission": "toy", "robots": 1}}},
-        ],
+        [{"name": "another"}, {"missions": {"toy": {"mission": "toy", "robots": 1}}}],
     )
     def test_another_study_is_refused(self, finished, tmp_path, other):
+        """Files of one name may differ."""
         run_study(study_of(**{"seeds": [4], **other}), tmp_path / "other")
         folders = [finished, tmp_path / "other"]
         for given, out in ((folders, tmp_path / "all"), (folders[:1], tmp_path / "other")):
@@ -482,47 +428,49 @@ class TestMerged:
             assert str(caught.value) == said
         assert not (tmp_path / "all").exists()
 
-    def test_what_cannot_be_merged(self, finished, tmp_path):
-        with pytest.raises(StudyError, match="there is no study in this folder"):
-            merge_studies([finished, tmp_path / "nothing"], tmp_path / "all")
-        with pytest.raises(StudyError, match="Expected folders of a study, got none"):
-            merge_studies([])
+
+def test_what_is_refused(tmp_path):
+    with pytest.raises(StudyError, match="there is no study in this folder"):
+        merge_studies([tmp_path / "nothing"], tmp_path / "all")
+    with pytest.raises(StudyError, match="Expected folders of a study, got none"):
+        merge_studies([])
+    with pytest.raises(ValueError, match=r"Expected workers in \[1, 1024\], got 0"):
+        run_study(study_of(), tmp_path, workers=0)
+
+
+def invoke(*arguments, status=0):
+    ended = CliRunner().invoke(study_app, list(map(str, arguments)))
+    assert ended.exit_code == status, ended.output
+    return " ".join(re.sub("[│\\n]", " ", ended.output).split())
 
 
 class TestCommands:
-    def invoke(self, *arguments, status=0):
-        ended = CliRunner().invoke(study_app, list(map(str, arguments)))
-        assert ended.exit_code == status, ended.output
-        return " ".join(re.sub("[│\\n]", " ", ended.output).split())
-
     def test_plan_run_and_merge(self, tmp_path):
-        algorithms = {"bad": f"{MADE}:Raising", "good": "random"}
+        algorithms = {"bad": f"{MADE}:Doing", "good": "random"}
         path, folder = tmp_path / "s.json", tmp_path / "out"
         path.write_text(json.dumps(study_of(algorithms=algorithms, seeds=1)))
-        said = self.invoke("plan", path, "--out", folder)
+        said = invoke("plan", path, "--out", folder)
         assert "2 runs: 0 are there, 2 to go" in said
         assert "With 1 seed, no difference can be significant at 0.05 after" in said
         assert said.endswith(": 4 seeds are needed")  # 2 / binomial(8, 4) = 0.029
         assert not folder.exists()
-        said = self.invoke("run", path, "--out", folder, status=1)
-        assert "bad on toy, seed 1: failed: RuntimeError: out of luck" in said
-        assert "1 run failed" in said
+        said = invoke("run", path, "--out", folder, status=1)
+        for part in ("bad on toy, seed 1: failed: RuntimeError: out of luck", "1 run failed"):
+            assert part in said
         assert "good 1 0." in said
-        assert "2 runs: 1 are there, 1 to go" in self.invoke("plan", path, "--out", folder)
-        said = self.invoke("merge", folder, "--out", tmp_path / "all")
-        assert "2 runs merged" in said
+        assert "2 runs: 1 are there, 1 to go" in invoke("plan", path, "--out", folder)
+        assert "2 runs merged" in invoke("merge", folder, "--out", tmp_path / "all")
 
     @pytest.mark.parametrize(
         ("arguments", "said"),
         [
-            (["report", "nowhere"], "nowhere: there is no study in this folder"),
             (["tables", "nowhere"], "nowhere: there is no study in this folder"),
             (["run", "x.yaml", "--workers", "0"], "'-w': Input should be greater than or equal"),
             (["run", "missing.yaml"], "botohe: missing.yaml: no such file or directory."),
         ],
     )
     def test_bad_input(self, arguments, said):
-        assert said in self.invoke(*arguments, status=2)
+        assert said in invoke(*arguments, status=2)
 
     def test_columns_of_the_plan_allow_for_wide_letters(self):
         runs = load_study(study_of(missions={"美术馆": "toy", "m": "art_museum"})).runs()

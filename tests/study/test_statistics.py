@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -32,24 +32,23 @@ samples = st.lists(
     st.one_of(st.sampled_from([0.0, 0.5, 1.0]), st.floats(0, 1)), min_size=1, max_size=12
 )
 levels = st.floats(0.5, 0.999)
-Z2 = 3.841458820694124  # the square of 1.96
 
 
-class TestMedianInterval:
-    def test_by_hand(self):
-        # Of 27 resamples 7 have the median 1, 13 the median 2, 7 the median 3.
-        assert median_interval([3, 1, 2], confidence=0.95) == (1, 3)
-        assert median_interval([3, 1, 2], confidence=0.40) == (2, 2)
-        for values in ([0.3], [0.3, 0.3], [0.0] * 30):
-            assert median_interval(values, confidence=0.95) == (values[0],) * 2
+def test_median_intervals_by_hand():
+    # Of 27 resamples 7 have the median 1, 13 the median 2, 7 the median 3.
+    assert median_interval([3, 1, 2], confidence=0.95) == (1, 3)
+    assert median_interval([3, 1, 2], confidence=0.40) == (2, 2)
+    for values in ([0.3], [0.3, 0.3], [0.0] * 30):
+        assert median_interval(values, confidence=0.95) == (values[0],) * 2
 
-    @given(samples, levels, st.randoms(use_true_random=False))
-    @examples(30)
-    def test_it_holds_the_median_and_the_order_does_not_count(self, values, level, random):
-        low, high = median_interval(values, confidence=level)
-        assert min(values) <= low <= np.median(values) <= high <= max(values)
-        shuffled = random.sample(values, len(values))
-        assert median_interval(shuffled, confidence=level) == (low, high)
+
+@given(samples, levels, st.randoms(use_true_random=False))
+@examples(30)
+def test_median_intervals_hold_the_median_and_the_order_does_not_count(values, level, random):
+    low, high = median_interval(values, confidence=level)
+    assert min(values) <= low <= np.median(values) <= high <= max(values)
+    shuffled = random.sample(values, len(values))
+    assert median_interval(shuffled, confidence=level) == (low, high)
 
 
 @pytest.mark.parametrize(
@@ -81,16 +80,6 @@ class TestA12:
         between = {0.559: "negligible", 0.361: "small", 0.7099: "medium"}
         assert {effect: effect_size(effect) for effect in between} == between
 
-    def test_intervals_of_one_run_each_by_hand(self):
-        # V = t (1 - t): 1 - t = z² t.
-        low, high = a12_interval([2], [1], confidence=0.95)
-        assert (low, high) == (pytest.approx(1 / (1 + Z2), abs=1e-11), 1.0)
-        assert a12_interval([1], [2], confidence=0.95) == pytest.approx((0, 1 - low), abs=1e-11)
-        # Of a tie: (0.5 - t)² = z² t (1 - t), a quadratic in t.
-        half = 0.5 * math.sqrt(Z2 / (1 + Z2))
-        found = a12_interval([1], [1], confidence=0.95)
-        assert found == pytest.approx((0.5 - half, 0.5 + half), abs=1e-11)
-
     @given(samples, samples, levels)
     def test_the_ends_of_intervals_solve_the_equation(self, x, y, level):
         estimate, n, m = a12(x, y), len(x), len(y)
@@ -107,20 +96,17 @@ class TestA12:
             assert (estimate - t) ** 2 == pytest.approx(z**2 * variance, abs=1e-9)
 
 
-class TestFriedman:
-    def test_the_example_of_scipy(self):
-        x = np.random.default_rng(seed=18).random((6, 10))
-        statistic, p_value = friedman(x.T)
-        assert statistic == pytest.approx(11.428571428571416, rel=1e-12)
-        # The approximation gives 0.0435; 9 999 permutations know p to about 0.002.
-        assert 0.025 < p_value < 0.05
+@pytest.mark.parametrize("n", [2, 3, 4, 5])
+def test_friedman_of_one_order_on_all_blocks_by_hand(n):
+    # Rank sums n, 2n, 3n: 12 / (12 n) × 14 n² - 12 n = 2 n. 6 of 6^n permutations agree.
+    assert friedman([[1, 2, 3]] * n) == pytest.approx((2 * n, 6 / 6**n), rel=1e-12)
 
-    @pytest.mark.parametrize("n", [2, 3, 4, 5])
-    def test_one_order_on_all_blocks_by_hand(self, n):
-        # Rank sums n, 2n, 3n: 12 / (12 n) × 14 n² - 12 n = 2 n. 6 of 6^n permutations agree.
-        statistic, p_value = friedman([[1, 2, 3]] * n)
-        assert statistic == pytest.approx(2 * n, rel=1e-12)
-        assert p_value == pytest.approx(6 / 6**n, rel=1e-12)
+
+def test_friedman_of_many_blocks_by_the_example_of_scipy():
+    statistic, p_value = friedman(np.random.default_rng(seed=18).random((6, 10)).T)
+    assert statistic == pytest.approx(11.428571428571416, rel=1e-12)
+    # The approximation gives 0.0435; 9 999 permutations know p to about 0.002.
+    assert 0.025 < p_value < 0.05
 
 
 class TestNemenyi:
@@ -132,10 +118,9 @@ class TestNemenyi:
 
     def test_p_values_cross_the_level_at_the_critical_difference(self):
         critical, _ = nemenyi(np.arange(5.0), 5, 12, significance=0.05)
-        _, p_values = nemenyi(critical * np.array([1, -0.99, 1.01, 0]), 5, 12, significance=0.05)
-        assert p_values[0] == pytest.approx(0.05, rel=1e-4)
-        assert p_values[2] < 0.05 < p_values[1]
-        assert p_values[3] == 1.0
+        _, p = nemenyi(critical * np.array([1, -0.99, 1.01, 0]), 5, 12, significance=0.05)
+        assert p[0] == pytest.approx(0.05, rel=1e-4)
+        assert p[2] < 0.05 < p[1] < p[3] == 1.0
 
     def test_pairs_are_those_of_the_ranks(self):
         found = compare_ranks(ranked(FIVE), significance=0.05)
@@ -147,17 +132,13 @@ class TestNemenyi:
         assert not nothing["significant"].any()  # where Friedman finds no difference
 
 
-class TestTies:
-    @given(st.lists(st.floats(-2, 2)))
-    def test_neighbours_are_merged_and_others_are_not(self, values):
-        merged = merge_ties(values)
-        assert (np.abs(merged - values) <= len(values) * TIE).all()
-        assert (np.diff(np.unique(merged)) > TIE).all()
-        assert (merge_ties(merged) == merged).all()
-
-    def test_by_hand(self):
-        chain = [0.5, 0.5 + 0.9e-12, 0.5 + 1.7e-12]
-        assert merge_ties([*chain, 0.5 + 3e-12]).tolist() == [chain[2]] * 3 + [0.5 + 3e-12]
+@given(st.lists(st.floats(-2, 2)))
+@example([0.5, 0.5 + 0.9e-12, 0.5 + 1.7e-12, 0.5 + 3e-12])
+def test_neighbours_are_merged_and_others_are_not(values):
+    merged = merge_ties(values)
+    assert (np.abs(merged - values) <= len(values) * TIE).all()
+    assert (np.diff(np.unique(merged)) > TIE).all()
+    assert (merge_ties(merged) == merged).all()
 
 
 def indicator_table(values, indicator="area"):
@@ -173,59 +154,45 @@ def indicator_table(values, indicator="area"):
 
 
 def compared(values, *, control=None, level=0.05):
-    return compare_algorithms(
-        indicator_table(values),
-        algorithms=list(next(iter(values.values()))),
-        control=control,
-        significance=level,
-    )
+    algorithms = list(next(iter(values.values())))
+    options = {"algorithms": algorithms, "control": control, "significance": level}
+    return compare_algorithms(indicator_table(values), **options)
 
 
 TINY = {"m": {"A": [0.5, 0.6, 0.7, 0.8], "B": [0.1, 0.2, 0.3, 0.4], "C": [0.15, 0.25, 0.35, 0.9]}}
 NONE = "no difference found"
 FEW = "too few runs"
+LONG = {"A": range(10, 40), "B": [], "C": [1, 2, 3]}
+BY_C = {"control": "C", "level": 0.15}
 
 
 class TestCompare:
     def test_the_tiny_table_by_hand(self):
         table = compared(TINY, level=0.1)
         assert table[["algorithm", "other"]].values.tolist() == [["A", "B"], ["A", "C"], ["B", "C"]]
-        assert table["median"].tolist() == pytest.approx([0.65, 0.65, 0.25])
-        assert table["median_other"].tolist() == pytest.approx([0.25, 0.3, 0.3])
+        medians = table[["median", "median_other"]].to_numpy().ravel()
+        assert medians == pytest.approx([0.65, 0.25, 0.65, 0.3, 0.25, 0.3])
         assert table["a12"].tolist() == [1.0, 12 / 16, 6 / 16]
         # U = 16, 12 and 6: 1, 12 and 24 of 70 arrangements are at least as far out on a side.
         assert table["p_value"].tolist() == pytest.approx([2 / 70, 24 / 70, 48 / 70])
         assert table["p_holm"].tolist() == pytest.approx([6 / 70, 48 / 70, 48 / 70])
         assert table["significant"].tolist() == [True, False, False]
         assert set(table["n"]) == set(table["n_other"]) == {4}
-        low, high = a12_interval(TINY["m"]["A"], TINY["m"]["B"], confidence=0.9)
-        assert (table["a12_low"][0], table["a12_high"][0]) == (low, high)
+        ends = a12_interval(TINY["m"]["A"], TINY["m"]["B"], confidence=0.9)
+        assert (table["a12_low"][0], table["a12_high"][0]) == ends
         assert table["verdict"].tolist() == ["better, large", NONE, NONE]
-
-    def test_against_a_control(self):
-        table = compared(TINY, control="B")
-        assert table[["algorithm", "other"]].values.tolist() == [["A", "B"], ["C", "B"]]
-        assert table["a12"].tolist() == [1.0, 10 / 16]
-        assert table["p_holm"].tolist() == pytest.approx([4 / 70, 48 / 70])
-        assert set(table["verdict"]) == {FEW}  # 4 / 70 at least
+        against_b = compared(TINY, control="B")
+        assert against_b[["algorithm", "other"]].values.tolist() == [["A", "B"], ["C", "B"]]
+        assert against_b["a12"].tolist() == [1.0, 10 / 16]
 
     @pytest.mark.parametrize(
         ("values", "options", "verdicts", "p_holm"),
         [
             (TINY["m"], {}, [FEW] * 3, [6 / 70, 48 / 70, 48 / 70]),
+            (TINY["m"], {"control": "B"}, [FEW] * 2, [4 / 70, 48 / 70]),  # 4 / 70 at least
             # 3 against 3 reach 0.1, and the other comparison comes before it in Holm's steps.
-            (
-                {"A": range(10, 40), "B": [4, 5, 6], "C": [1, 2, 3]},
-                {"control": "C", "level": 0.15},
-                ["better, large"] * 2,
-                [None, 0.1],
-            ),
-            (
-                {"A": range(10, 40), "B": [0, 5, 6], "C": [1, 2, 3]},
-                {"control": "C", "level": 0.15},
-                ["better, large", NONE],
-                [None, None],
-            ),
+            ({**LONG, "B": [4, 5, 6]}, BY_C, ["better, large"] * 2, [None, 0.1]),
+            ({**LONG, "B": [0, 5, 6]}, BY_C, ["better, large", NONE], [None, None]),
             ({"A": range(10), "B": range(20, 30)}, {}, ["worse, large"], [None]),
             ({"A": [0.3] * 4, "B": [0.3] * 9}, {}, [NONE], [1.0]),
             # A single run is not tested, and costs the others nothing.
@@ -244,21 +211,15 @@ class TestCompare:
         for found, expected in zip(table["p_holm"], p_holm, strict=True):
             assert expected is None or found == pytest.approx(expected)
 
-    def test_holm_is_by_mission_and_by_indicator(self):
-        by_area = indicator_table({"m": TINY["m"], "n": TINY["m"]})
-        by_epsilon = indicator_table(TINY, "epsilon")
-        table = compare_algorithms(
-            pd.concat([by_area, by_epsilon]),
-            algorithms=["A", "B", "C"],
-            control=None,
-            significance=0.1,
-        )
-        families = table.groupby(["mission", "indicator"], sort=False)
-        assert [key for key, _ in families] == [("m", "area"), ("n", "area"), ("m", "epsilon")]
-        for _, family in families:
-            assert family["p_holm"].tolist() == pytest.approx([6 / 70, 48 / 70, 48 / 70])
-        # Less is better of epsilon.
-        assert table["a12"].tolist() == [1, 12 / 16, 6 / 16] * 2 + [0, 4 / 16, 10 / 16]
+    def test_holm_is_by_mission_and_less_is_better_of_epsilon(self):
+        table = compared({"m": TINY["m"], "n": TINY["m"]}, level=0.1)
+        assert table["p_holm"].tolist() == pytest.approx([6 / 70, 48 / 70, 48 / 70] * 2)
+        assert table["mission"].tolist() == [*"mmmnnn"]
+        both = pd.concat([indicator_table(TINY), indicator_table(TINY, "epsilon")])
+        options = {"algorithms": [*"ABC"], "control": None, "significance": 0.1}
+        table = compare_algorithms(both, **options)
+        assert table["p_holm"].tolist() == pytest.approx([6 / 70, 48 / 70, 48 / 70] * 2)
+        assert table["a12"].tolist() == [1, 12 / 16, 6 / 16, 0, 4 / 16, 10 / 16]
 
     @given(st.lists(samples, min_size=2, max_size=4), st.booleans(), st.sampled_from([0.05, 0.3]))
     @examples(60)
