@@ -94,10 +94,7 @@ def compile_kernels(cache):
     digest = hashlib.sha256(sources + numba.__version__.encode()).hexdigest()
     if cache is not None and cache.get(done, None) == digest:
         return
-    names = [
-        ["pareto-local-search", "simulated-annealing"],
-        ["bo-aco", "nsga2", "exact", "bounds"],
-    ]
+    names = [["pareto-local-search", "simulated-annealing"], ["bo-aco", "nsga2", "exact", "bounds"]]
     processes = [subprocess.Popen([sys.executable, "-c", COMPILE, *given]) for given in names]
     statuses = [process.wait() for process in processes]
     if cache is not None and not any(statuses):

@@ -19,6 +19,16 @@ lengths = st.one_of(st.sampled_from([0.0, 0.1, 0.2, 1.0, 2.0, 3.0]), st.floats(0
 _LENGTHS = lengths
 
 
+def mission_of(arcs, rewards, *, both_ways=False, **options):
+    """A mission of base 0: arcs with their survivals, and maybe lengths, and a reward a node."""
+    graph = nx.DiGraph()
+    graph.add_nodes_from((node, {"reward": float(reward)}) for node, reward in enumerate(rewards))
+    for tail, head, *given in arcs:
+        for ends in ((tail, head), (head, tail))[: 1 + both_ways]:
+            graph.add_edge(*ends, **dict(zip(("survival", "length"), given, strict=False)))
+    return Mission(graph, base=0, **options)
+
+
 @st.composite
 def missions(
     draw, min_nodes=2, max_nodes=7, max_robots=3, one_way=None, survivals=survivals, lengths=None
@@ -38,11 +48,8 @@ def missions(
         graph.add_edge(entry, node)
         graph.add_edge(node, draw(before) if one_way else entry)
     if n_nodes > 1:
-        for tail, offset in draw(
-            st.lists(
-                st.tuples(st.integers(0, n_nodes - 1), st.integers(1, n_nodes - 1)), max_size=6
-            )
-        ):
+        pairs = st.tuples(st.integers(0, n_nodes - 1), st.integers(1, n_nodes - 1))
+        for tail, offset in draw(st.lists(pairs, max_size=6)):
             head = (tail + offset) % n_nodes
             graph.add_edge(tail, head)
             if not one_way:
@@ -59,12 +66,11 @@ def missions(
 
 @st.composite
 def team_missions(draw, max_nodes=5, max_robots=2, pays=None, labels=None, aboard=True, **options):
-    """Missions of one to three kinds, with all that a file may say of them.
+    """Missions of one to three kinds of up to ``max_robots`` each, with all that a file may say.
 
-    Kinds may be unable to reach some nodes, or to come back from them. Rewards are whole. Nodes
-    pay on arrival or on return, unless ``pays`` says when all of them pay. There are up to
-    ``max_robots`` of each kind. Nodes are numbered, unless ``labels`` draws what they are called.
-    Some robots carry something from the start, unless ``aboard`` is false.
+    Kinds may be unable to reach some nodes, or to come back from them. Nodes pay on arrival or on
+    return, unless ``pays`` says when all of them pay, and are numbered, unless ``labels`` draws
+    what they are called. Some robots carry something from the start, unless ``aboard`` is false.
     """
     graph = draw(missions(max_nodes=max_nodes, **options)).graph.copy()
     if labels is not None:
@@ -94,15 +100,11 @@ def team_missions(draw, max_nodes=5, max_robots=2, pays=None, labels=None, aboar
         "max_length": st.sampled_from([None, None, 4, 99.5]),
     }
     base, pays = next(iter(graph)), pays or draw(st.none() | times)
-    may_carry = [
-        label
-        for label, node in graph.nodes(data=True)
-        if node.get("pays", pays) == "return" and not node.get("depot") and label != base
-    ]
+    returning = [v for v, node in graph.nodes(data=True) if node.get("pays", pays) == "return"]
+    may_carry = [v for v in returning if v != base and not graph.nodes[v].get("depot")]
     if aboard and may_carry:
-        kind["aboard"] = st.just(()) | st.lists(
-            st.sampled_from(may_carry), unique=True, max_size=2
-        ).map(tuple)
+        some = st.lists(st.sampled_from(may_carry), unique=True, max_size=2)
+        kind["aboard"] = st.just(()) | some.map(tuple)
     kinds = [Kind(name, **draw(st.fixed_dictionaries(kind))) for name in names]
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*no kind of robots can collect")
@@ -123,8 +125,7 @@ def trails(draw, mission, max_hops=12, robot=0):
     for tail, head in zip(graph.tail.tolist(), graph.head.tolist(), strict=True):
         unused[tail].append(head)
     here = int(team.start[robot])
-    end = int(team.end[here])
-    trail = [here]
+    end, trail = int(team.end[here]), [here]
     for _ in range(draw(st.integers(0, max_hops))):
         hops = [head for head in unused[here] if way_home(unused, (here, head), end)]
         if not hops:
@@ -185,12 +186,9 @@ def small_missions(draw, max_robots=3, max_trails=40, **options):
 def small_team_missions(draw, max_teams=2_000, **options):
     """A mission of kinds of robots with few trails, and all of them, kind by kind."""
     mission = draw(team_missions(**options))
-    firsts = [mission.kind_of.index(kind) for kind in mission.kinds]
-    trails = [all_trails(mission, 1000, robot) for robot in firsts]
+    trails = [all_trails(mission, 1000, mission.kind_of.index(kind)) for kind in mission.kinds]
     assume(None not in trails)
-    assume(prod(map(n_teams, trails, mission.kinds)) <= max_teams)
+    robots = [kind.robots for kind in mission.kinds]
+    n_teams = (comb(len(of_kind) + n - 1, n) for of_kind, n in zip(trails, robots, strict=True))
+    assume(prod(n_teams) <= max_teams)
     return mission, trails
-
-
-def n_teams(trails, kind):
-    return comb(len(trails) + kind.robots - 1, kind.robots)

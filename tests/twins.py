@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from fractions import Fraction
+from functools import lru_cache
 from importlib import import_module
 from itertools import combinations_with_replacement, pairwise, product
 from math import inf, log, prod
@@ -82,7 +83,7 @@ def evaluate(mission, trails, kinds=None):
 
 
 def trail_lengths(mission, trails):
-    """How long each of the label trails is: the sum over its hops, one long by default."""
+    """How long each of the label trails is; hops are one long by default."""
     arcs = mission.graph.edges
     return [sum(arcs[hop].get("length", 1.0) for hop in pairwise(trail)) for trail in trails]
 
@@ -145,18 +146,20 @@ class Ant:
 
     ``rule`` are ColonySettings, ``pheromone`` holds one dict a robot from arcs (self-loops at the
     ends of trails among them) to (τ_R, τ_S), ``weight`` is the ant's λ, and trails keep the limits
-    of ``world``, by default none. Nodes are indices of kernels.
+    of ``world``, by default none. Nodes are indices of kernels. Robots go out one after the other,
+    or all at once, and take one hop each in turn.
     """
 
     def __init__(self, mission, rule, pheromone, weight, world=None):
         self.mission, self.rule, self.pheromone, self.weight = mission, rule, pheromone, weight
         self.limits, self.n_nodes = (world or alike(mission)).limits, len(mission.nodes)
+        self.concurrent = rule.allocation == "concurrent"
         self.ends = [ends_of(mission, robot) for robot in range(mission.robots)]
         self.aboard = [  # as indices of kernels
             {start - start % self.n_nodes + mission.index(label) for label in kind.aboard} - {start}
             for kind, (start, _) in zip(mission.kind_of, self.ends, strict=True)
         ]
-        self.survival, self.length = _ARCS.of(mission).survival, _ARCS.of(mission).length
+        self.survival, self.length = _arcs(mission)
         self.expected = {node: self.expect(node) for node in range(mission.world.graph.n_nodes)}
         self.leaving = {node: [] for node in self.expected}
         for arc in self.survival:
@@ -164,16 +167,12 @@ class Ant:
 
     def expect(self, node):
         """With what probability a robot that gets to a node and then goes home is paid there."""
-        kind, label = (
-            self.mission.kinds[node // self.n_nodes],
-            self.mission.nodes[node % self.n_nodes],
-        )
-        attributes = self.mission.graph.nodes[label]
-        share = of_kind(attributes.get("share", 1.0), kind)
-        if label == self.mission.base or attributes.get("depot"):
-            return share
-        pays = attributes.get("pays", self.mission.pays)
-        return share * self.mission.world.ways.home[node] if pays == "return" else share
+        mission, label = self.mission, self.mission.nodes[node % self.n_nodes]
+        share = share_of(mission, mission.kinds[node // self.n_nodes], label)
+        attributes = mission.graph.nodes[label]
+        at_depot = label == mission.base or attributes.get("depot")
+        on_return = attributes.get("pays", mission.pays) == "return" and not at_depot
+        return share * mission.world.ways.home[node] if on_return else share
 
     def worth(self, node):
         return self.mission.rewards[node % self.n_nodes] * self.expected[node]
@@ -213,14 +212,26 @@ class Ant:
         here, used, end = trail[-1], set(pairwise(trail)), self.ends[robot][1]
         free = [arc for arc in self.leaving[here] if arc not in used]
         loop = [(end, end)] if here == end else []
-        attractions = [self.attraction(arc, trail, unreached, robot) for arc in free + loop]
-        floor = self.rule.exploration * sum(attractions) / len(attractions) ** 2
-        weights = dict(zip(free + loop, [a + floor for a in attractions], strict=True))
+        attractions = {arc: self.attraction(arc, trail, unreached, robot) for arc in free + loop}
+        rejected = set()
         if self.limits.has_floors or self.limits.has_budgets or not self.mission.balanced:
-            home = [arc for arc in free if self.leads_back(used | {arc}, arc[1], robot)]
-            weights = {arc: weights[arc] for arc in home + loop}
-        total = sum(weights.values())
-        return {arc: weight / total for arc, weight in weights.items()}
+            rejected = {a for a in free if not self.leads_back(used | {a}, a[1], robot)}
+        return self.drawn(attractions, rejected)
+
+    def drawn(self, attractions, rejected):
+        """How likely arcs are drawn, where others are drawn again in the place of rejected ones."""
+        total, n = sum(attractions.values()), len(attractions)
+        chances = dict.fromkeys(attractions, 0.0)
+        for arc, attraction in attractions.items():
+            chance = attraction / total + self.rule.exploration / n**2
+            chance /= 1 + self.rule.exploration / n
+            again = {arc: 1.0}
+            if arc in rejected:
+                others = {other: a for other, a in attractions.items() if other != arc}
+                again = self.drawn(others, rejected)
+            for other, p in again.items():
+                chances[other] += chance * p
+        return {arc: chance for arc, chance in chances.items() if arc not in rejected}
 
     def chances(self, trail, robot):
         """For each node of the mission the probability that the robot is paid there.
@@ -238,82 +249,30 @@ class Ant:
                 chances[node % self.n_nodes] = alive * self.expected[node]
         return chances
 
-    def after(self, trail, unreached, robot):
-        """For each node the probability that no robot so far is paid there, this one included."""
-        chances = self.chances(trail, robot)
-        return {node: unreached[node] * (1 - p) for node, p in chances.items()}
+    def unreached(self, trails, robot):
+        """For each node the probability that no other robot is paid there, as far as is known.
 
-    def build(self, rng):
-        """Build one plan; ``rng`` is a random.Random."""
-        trails, unreached = [], dict.fromkeys(range(self.n_nodes), 1.0)
-        for robot, (start, end) in enumerate(self.ends):
-            trail = [start]
-            while True:
-                hops = self.hops(trail, unreached, robot)
-                (arc,) = rng.choices(list(hops), list(hops.values()))
-                if arc == (end, end):
-                    break
-                trail.append(arc[1])
-            trails.append(trail)
-            unreached = self.after(trail, unreached, robot)
-        return trails
-
-    def plan_probabilities(self):
-        """Every plan the ant may build, with its probability."""
-
-        def complete(trail, unreached, robot):
-            for arc, probability in self.hops(trail, unreached, robot).items():
-                if arc[0] == arc[1]:
-                    yield probability, trail
-                else:
-                    for rest, done in complete([*trail, arc[1]], unreached, robot):
-                        yield probability * rest, done
-
-        def robots(robot, unreached):
-            if robot == self.mission.robots:
-                yield 1.0, ()
-                return
-            for probability, trail in complete([self.ends[robot][0]], unreached, robot):
-                for rest, others in robots(robot + 1, self.after(trail, unreached, robot)):
-                    yield probability * rest, (tuple(trail), *others)
-
-        found = {}
-        for probability, plan in robots(0, dict.fromkeys(range(self.n_nodes), 1.0)):
-            found[plan] = found.get(plan, 0.0) + probability
-        return found
-
-
-class ConcurrentAnt(Ant):
-    """An ant whose robots are all out at once and take one hop each in turn.
-
-    ``out`` lists the robots that have not ended their trails, whose turn it is first.
-    """
-
-    def unreached_by_others(self, trails, robot):
-        """What the others leave, of whom some have not begun before the robot's second turn."""
-        begun = trails if len(trails[robot]) > 1 else trails[:robot]
+        Where all are out at once, some have not begun before the robot's second turn.
+        """
+        begun = trails if self.concurrent and len(trails[robot]) > 1 else trails[:robot]
         others = [self.chances(t, other) for other, t in enumerate(begun) if other != robot]
         return {node: prod(1 - p[node] for p in others) for node in range(self.n_nodes)}
 
     def next_hops(self, trails, out):
         """Every hop of the robot whose turn it is: (probability, trails and robots out then)."""
         robot, *later = out
-        trail = trails[robot]
-        for arc, probability in self.hops(
-            trail, self.unreached_by_others(trails, robot), robot
-        ).items():
-            if arc[0] == arc[1]:
+        hops = self.hops(trails[robot], self.unreached(trails, robot), robot)
+        for (tail, head), probability in hops.items():
+            if tail == head:
                 yield probability, trails, later
             else:
-                longer = [*trails[:robot], (*trail, arc[1]), *trails[robot + 1 :]]
-                yield probability, longer, [*later, robot]
-
-    def start(self):
-        return [(start,) for start, _ in self.ends], list(range(self.mission.robots))
+                longer = [*trails[:robot], (*trails[robot], head), *trails[robot + 1 :]]
+                yield probability, longer, [*later, robot] if self.concurrent else out
 
     def plan_probabilities(self):
         """Every plan the ant may build, with its probability."""
-        found, unfinished = {}, [(1.0, *self.start())]
+        starts = [(start,) for start, _ in self.ends]
+        found, unfinished = {}, [(1.0, starts, [*range(len(starts))])]
         while unfinished:
             probability, trails, out = unfinished.pop()
             if out:
@@ -390,26 +349,16 @@ class Repairer:
         return self.home(prefixes[-1])
 
 
-class _Arcs:
-    """What arcs are like, of the mission that was asked for last: twins ask again and again."""
-
-    mission = survival = length = None
-
-    def of(self, mission):
-        if mission is not self.mission:
-            graph = mission.world.graph
-            arcs = list(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))
-            self.survival = dict(zip(arcs, graph.survival.tolist(), strict=True))
-            self.length = dict(zip(arcs, graph.length.tolist(), strict=True))
-            self.mission = mission
-        return self
-
-
-_ARCS = _Arcs()
+@lru_cache(maxsize=1)
+def _arcs(mission):
+    """Survival and length of each arc; twins ask for those of one mission again and again."""
+    graph = mission.world.graph
+    arcs = list(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))
+    return [dict(zip(arcs, of.tolist(), strict=True)) for of in (graph.survival, graph.length)]
 
 
 def arc_survivals(mission):
-    return _ARCS.of(mission).survival
+    return _arcs(mission)[0]
 
 
 def alike(mission, least=0.0, longest=inf):
@@ -463,7 +412,7 @@ def reach_of(mission, trail):
 
 
 def length_of(mission, trail):
-    length = _ARCS.of(mission).length
+    length = _arcs(mission)[1]
     return sum(length[arc] for arc in pairwise(trail))
 
 
@@ -497,6 +446,16 @@ def all_objectives(mission, *trails):
         missed = (missed[:, None] * np.prod(misses[teams], axis=1)).reshape(-1, missed.shape[1])
         survivors = np.add.outer(survivors, alive[teams].sum(axis=1)).ravel()
     return np.column_stack([(1 - missed) @ mission.rewards, survivors])
+
+
+def assert_frequencies(counted, expected):
+    """Compare counts with probabilities, within five standard deviations and three."""
+    n = sum(counted.values())
+    assert sum(expected.values()) == pytest.approx(1)
+    assert set(counted) <= set(expected)
+    for outcome, chance in expected.items():
+        spread = abs(n * chance * (1 - chance)) ** 0.5
+        assert abs(counted[outcome] - n * chance) <= 5 * spread + 3, outcome
 
 
 @contextmanager

@@ -9,12 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import BOTOHE, TrailPlan, load_mission
-from botohe_moo.operators import (
-    PenaltyOnly,
-    RuinRecreate,
-    ShareTrails,
-    TrailSplice,
-)
+from botohe_moo.operators import PenaltyOnly, RuinRecreate, ShareTrails, TrailSplice
 from botohe_moo.trails import PlanBatch
 from tests.examples import examples
 from tests.strategies import plans, team_missions

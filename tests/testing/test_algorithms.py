@@ -16,11 +16,7 @@ from tests.testing import broken
 RULES = [rule.__name__ for rule in rules_of(algorithms)]
 OURS = distribution("botohe-moo").entry_points.select(group="botohe_moo.algorithms").names
 # They differ from NSGA-II in what pymoo does.
-PYMOOS = [
-    "sms-emoa",
-    "spea2",
-    "pymoo.algorithms.moo.nsga3:NSGA3",
-]
+PYMOOS = ["sms-emoa", "spea2", "pymoo.algorithms.moo.nsga3:NSGA3"]
 NAMES = [*sorted(OURS - set(PYMOOS)), *PYMOOS]
 
 

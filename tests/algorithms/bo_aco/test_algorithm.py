@@ -1,37 +1,15 @@
-"""BO-ACO through pymoo: the contract every user relies on, and the published curves in short."""
+"""BO-ACO through pymoo: pheromone, what deposits, extremes, and the published curves in short."""
 
 import itertools
 
 import networkx as nx
 import numpy as np
 import pytest
-from pymoo.core.callback import Callback
 from pymoo.optimize import minimize
 
 from botohe_moo import BOACO, BOTOHE, Mission, RandomTrails, area_indicator, load_mission
 
-
-@pytest.fixture(scope="module")
-def museum():
-    return load_mission("art_museum")
-
-
-class EveryIteration(Callback):
-    def __init__(self):
-        super().__init__()
-        self.rows = []
-
-    def notify(self, algorithm):
-        self.rows.append(
-            (
-                algorithm.n_gen,
-                algorithm.evaluator.n_eval,
-                len(algorithm.opt),
-                area_indicator(-algorithm.opt.get("F"), algorithm.problem.mission),
-            )
-        )
-
-
+MUSEUM = load_mission("art_museum")
 VARIANTS = {
     "paper": BOACO,
     "journal": BOACO.journal,
@@ -41,11 +19,10 @@ VARIANTS = {
     ),
     "random": RandomTrails,
 }
-variants = pytest.mark.parametrize("make", VARIANTS.values(), ids=VARIANTS.keys())
 
 
 @pytest.mark.slow
-@variants
+@pytest.mark.parametrize("make", VARIANTS.values(), ids=VARIANTS.keys())
 def test_extreme_rewards_and_survivals(make):
     """Weights must stay above 0 and finite: an ant that cannot draw would leave the graph."""
     for reward, survival in itertools.product((5e-324, 1e307), (5e-324, 1.0)):
@@ -58,56 +35,56 @@ def test_extreme_rewards_and_survivals(make):
         assert np.array_equal(-result.F, mission.evaluate(result.X))
 
 
-class TestInsidePymoo:
-    def test_an_iteration_in_which_nobody_looks_makes_no_individuals(self, museum):
-        algorithm = BOACO(n_ants=10)
-        algorithm.setup(BOTOHE(museum), termination=("n_gen", 50), seed=1)
-        for _ in range(49):
-            algorithm.next()
-        assert algorithm.archive._individuals == {}
-        assert len(algorithm.result().F) == len(algorithm.archive) == len(algorithm.opt) > 0
-
-    @pytest.mark.parametrize("per_robot", [False, True])
-    def test_plans_to_start_from_deposit_in_the_first_iteration(self, museum, per_robot):
-        trail = [1, 2, 21, 27, 25, 27, 21, 2, 1]
-        plan = museum.plan([[1], [1], trail])
-        colony = {"pheromone_per_robot": per_robot, "n_ants": 2}
-        maps = []
-        for sampling in (None, [plan]):
-            algorithm = BOACO(sampling=sampling, **colony)
-            algorithm.setup(BOTOHE(museum), termination=("n_gen", 5), seed=4)
-            algorithm.next()
-            assert (plan in set(algorithm.archive.plans)) == (sampling is not None)
-            levels = algorithm.pheromone_maps
-            levels = levels[levels["robot"] == 2] if per_robot else levels
-            maps.append(levels.set_index(["tail", "head"])["survival"])
-        assert maps[1][27, 25] > maps[0][27, 25]
+def begun(algorithm, n_gen, *, problem=None, seed=1):
+    problem = BOTOHE(MUSEUM) if problem is None else problem
+    return algorithm.setup(problem, termination=("n_gen", n_gen), seed=seed)
 
 
-class TestPheromone:
-    def test_maps(self, museum):
-        result = minimize(BOTOHE(museum), BOACO.journal(), ("n_gen", 30), seed=1)
-        maps = result.algorithm.pheromone_maps
-        assert list(maps.columns) == ["tail", "head", "reward", "survival"]
-        arcs = list(zip(maps["tail"], maps["head"], strict=True))
-        loop = (museum.base, museum.base)
-        assert sorted(arcs) == sorted([*museum.graph.edges, loop])
-        levels = maps.set_index(["tail", "head"])
-        # Every plan ends three trails with the self-loop, and those that go out pass one door.
-        assert levels["reward"].idxmax() == loop
-        assert levels.loc[(1, 2), "reward"] > levels["reward"].median()
+def test_an_iteration_in_which_nobody_looks_makes_no_individuals():
+    algorithm = begun(BOACO(n_ants=10), 50)
+    for _ in range(49):
+        algorithm.next()
+    assert algorithm.archive._individuals == {}
+    assert len(algorithm.result().F) == len(algorithm.archive) == len(algorithm.opt) > 0
 
-    def test_maps_at_the_start(self, museum):
-        for make, reward, survival in [
-            (BOACO, 1.0, 1.0),
-            (BOACO.journal, museum.total_reward, 3.0),
-            (lambda: BOACO(initial_pheromone=2.5), 2.5, 2.5),
-            (lambda: BOACO.journal(pheromone=False), 1.0, 1.0),
-        ]:
-            algorithm = make()
-            algorithm.setup(BOTOHE(museum), termination=("n_gen", 1), seed=1)
-            assert (algorithm.pheromone_maps["reward"] == reward).all()
-            assert (algorithm.pheromone_maps["survival"] == survival).all()
+
+@pytest.mark.parametrize("per_robot", [False, True])
+def test_plans_to_start_from_deposit_in_the_first_iteration(per_robot):
+    plan = MUSEUM.plan([[1], [1], [1, 2, 21, 27, 25, 27, 21, 2, 1]])
+    maps = []
+    for sampling in (None, [plan]):
+        algorithm = BOACO(sampling=sampling, pheromone_per_robot=per_robot, n_ants=2)
+        begun(algorithm, 5, seed=4).next()
+        assert (plan in set(algorithm.archive.plans)) == (sampling is not None)
+        levels = algorithm.pheromone_maps
+        levels = levels[levels["robot"] == 2] if per_robot else levels
+        maps.append(levels.set_index(["tail", "head"])["survival"])
+    assert maps[1][27, 25] > maps[0][27, 25]
+
+
+def test_pheromone_maps():
+    algorithm = begun(BOACO.journal(), 30)
+    algorithm.run()
+    maps, loop = algorithm.pheromone_maps, (MUSEUM.base, MUSEUM.base)
+    assert list(maps.columns) == ["tail", "head", "reward", "survival"]
+    levels = maps.set_index(["tail", "head"])
+    assert sorted(levels.index) == sorted([*MUSEUM.graph.edges, loop])
+    # Every plan ends three trails with the self-loop, and those that go out pass one door.
+    assert levels["reward"].idxmax() == loop
+    assert levels.loc[(1, 2), "reward"] > levels["reward"].median()
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "levels"),
+    [
+        (BOACO(), [1.0, 1.0]),
+        (BOACO.journal(), [MUSEUM.total_reward, 3.0]),
+        (BOACO(initial_pheromone=2.5), [2.5, 2.5]),
+        (BOACO.journal(pheromone=False), [1.0, 1.0]),
+    ],
+)
+def test_pheromone_at_the_start(algorithm, levels):
+    assert (begun(algorithm, 1).pheromone_maps[["reward", "survival"]] == levels).all(axis=None)
 
 
 class Pairs(BOTOHE):
@@ -121,62 +98,44 @@ class Pairs(BOTOHE):
         return 2.0 - self.mission.evaluate(batch)[:, 1:]
 
 
-def run(problem, algorithm, n_gen, seed=1):
-    """Run an algorithm for some iterations; give it as it is then."""
-    algorithm.setup(problem, termination=("n_gen", n_gen), seed=seed)
-    while algorithm.has_next():
-        algorithm.next()
-    return algorithm
-
-
-@pytest.mark.parametrize("problem", [BOTOHE(load_mission("art_museum"), min_survival=0.7), None])
-def test_only_what_is_feasible_deposits(problem, museum):
-    problem = problem or Pairs(museum)
-    archive = run(problem, BOACO(n_ants=30, allocation="concurrent"), 15).archive
-    assert len(archive)
-    assert (problem.constrain_batch(archive.plans) <= 0).all()
-
-
-# Published means of four runs, PeerJ Computer Science 2025, read off the figure, at 1, 10 and 100
-# iterations, and how far the mean of four other runs may be off.
-PUBLISHED = {
-    "journal": ((0.4128, 0.4646, 0.5007), (0.02, 0.01, 0.01)),
-    "no heuristic": ((0.3061, 0.3583, 0.4049), (0.02, 0.02, 0.02)),
-    "no pheromone": ((0.4232, 0.4611, 0.4833), (0.02, 0.02, 0.02)),
-    "random": ((0.3061, 0.3736, 0.4118), (0.02, 0.02, 0.02)),
-}
-ABLATIONS = (
-    {},
-    {"heuristic": False},
-    {"pheromone": False},
-    {"heuristic": False, "pheromone": False},
-)
+@pytest.mark.parametrize("problem", [BOTOHE(MUSEUM, min_survival=0.7), Pairs(MUSEUM)])
+def test_only_what_is_feasible_deposits(problem):
+    algorithm = begun(BOACO(n_ants=30, allocation="concurrent"), 15, problem=problem)
+    algorithm.run()
+    assert len(algorithm.archive)
+    assert (problem.constrain_batch(algorithm.archive.plans) <= 0).all()
 
 
 @pytest.mark.compiled_only
-def test_the_published_curves_in_short(museum):
-    """100 iterations; `make bench` runs all 10 000."""
-    for (published, tolerance), options in zip(PUBLISHED.values(), ABLATIONS, strict=True):
-        curves = []
-        for seed in range(1, 5):
-            callback, algorithm = EveryIteration(), BOACO.journal(**options)
-            minimize(BOTOHE(museum), algorithm, ("n_gen", 100), seed=seed, callback=callback)
-            areas = [area for *_, area in callback.rows]
-            curves.append([areas[0], areas[9], areas[99]])
-        mean = np.mean(curves, axis=0)
-        assert (np.abs(mean - published) <= tolerance).all(), (options, mean)
+@pytest.mark.parametrize(
+    ("options", "published", "tolerance"),
+    [
+        ({}, (0.4128, 0.4646, 0.5007), (0.02, 0.01, 0.01)),
+        ({"heuristic": False}, (0.3061, 0.3583, 0.4049), 0.02),
+        ({"pheromone": False}, (0.4232, 0.4611, 0.4833), 0.02),
+        ({"heuristic": False, "pheromone": False}, (0.3061, 0.3736, 0.4118), 0.02),
+    ],
+)
+def test_the_published_curves_in_short(options, published, tolerance):
+    """Means of four runs at 1, 10 and 100 iterations; `make bench` runs all 10 000.
+
+    PeerJ Computer Science 2025, read off the figure, and how far four other runs may be off.
+    """
+    curves = []
+    for seed in range(1, 5):
+        algorithm, areas = begun(BOACO.journal(**options), 100, seed=seed), []
+        while algorithm.has_next():
+            algorithm.next()
+            areas.append(area_indicator(algorithm.archive.objectives, MUSEUM))
+        curves.append([areas[0], areas[9], areas[99]])
+    assert (np.abs(np.mean(curves, axis=0) - published) <= tolerance).all()
 
 
-class TestLocalSearch:
-    @pytest.mark.compiled_only
-    def test_improves_the_front(self, museum):
-        areas = {
-            share: area_indicator(
-                -minimize(
-                    BOTOHE(museum), BOACO.journal(local_search=share), ("n_eval", 20_000), seed=1
-                ).F,
-                museum,
-            )
-            for share in (0.0, 0.3)
-        }
-        assert areas[0.3] > areas[0.0] + 0.01
+@pytest.mark.compiled_only
+def test_local_search_improves_the_front():
+    areas = []
+    for share in (0.0, 0.3):
+        algorithm = BOACO.journal(local_search=share)
+        result = minimize(BOTOHE(MUSEUM), algorithm, ("n_eval", 20_000), seed=1)
+        areas.append(area_indicator(-result.F, MUSEUM))
+    assert areas[1] > areas[0] + 0.01

@@ -2,8 +2,8 @@
 
 from collections import Counter
 from itertools import pairwise
+from math import inf
 
-import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import assume, given
@@ -16,7 +16,7 @@ from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import TrailPlan
 from tests import twins
 from tests.examples import examples
-from tests.strategies import lengths, missions, team_missions
+from tests.strategies import lengths, mission_of, missions, team_missions
 
 
 def colony(mission, *, n_ants, seed=0, n_threads=1, world=None, **changes):
@@ -29,31 +29,39 @@ def colony(mission, *, n_ants, seed=0, n_threads=1, world=None, **changes):
     )
 
 
-rules = st.fixed_dictionaries(
-    {
-        "heuristic": st.booleans(),
-        "pheromone": st.booleans(),
-        "pheromone_per_robot": st.booleans(),
-        "unvisited_bonus": st.sampled_from([0.0, 0.05]),
-        "exploration": st.sampled_from([0.0, 0.01, 2.0]),
-        "allocation": st.sampled_from(["sequential", "concurrent"]),
-    }
-)
-ALLOCATIONS = {"sequential": twins.Ant, "concurrent": twins.ConcurrentAnt}
-allocations = pytest.mark.parametrize("allocation", ALLOCATIONS)
-
-
 @examples(300)
-@given(missions(max_nodes=9, one_way=True) | team_missions(), rules, st.integers(0, 2**32))
-def test_no_dead_ends_on_one_way_missions(mission, changes, seed):
-    ants = colony(mission, n_ants=7, seed=seed, **changes)
-    for _ in range(5):
+@given(
+    missions(max_nodes=9, lengths=lengths) | team_missions(lengths=lengths),
+    st.fixed_dictionaries(
+        {
+            "heuristic": st.booleans(),
+            "pheromone": st.booleans(),
+            "pheromone_per_robot": st.booleans(),
+            "unvisited_bonus": st.sampled_from([0.0, 0.05]),
+            "exploration": st.sampled_from([0.0, 0.01, 2.0]),
+            "allocation": st.sampled_from(["sequential", "concurrent"]),
+        }
+    ),
+    st.sampled_from([0.0, 0.0, 0.05, 0.3, 0.7, 1.0]),
+    st.sampled_from([inf, inf, 9.0, 5.0, 2.0, 0.0]),
+    st.integers(0, 2**32),
+)
+def test_plans_are_valid_and_keep_limits(mission, changes, least, longest, seed):
+    """One-way missions, safe arcs and arcs without length among them, so that ways home tie."""
+    try:
+        problem = BOTOHE(mission, min_survival=least, max_length=longest)
+    except ValueError:  # a kind has no way to its end that is within them
+        assume(False)
+    ants = colony(mission, n_ants=7, seed=seed, world=problem.world, **changes)
+    for _ in range(3):
         batch = ants.construct(7)
         objectives = mission.evaluate(batch)  # raises PlanError for any trail that is not valid
         assert len(batch) == 7
+        assert (objectives <= [mission.total_reward + 1e-9, mission.robots]).all()
+        assert (mission.robot_survival(batch) >= problem.limits.floors).all()
+        assert (mission.trail_lengths(batch) <= problem.limits.budgets).all()
         exponents = np.random.default_rng(seed).uniform(-250, 1, ants.pheromone.shape)
         ants.pheromone[...] = 10.0**exponents
-        assert (objectives <= [mission.total_reward + 1e-9, mission.robots]).all()
 
 
 def crossing(robots):
@@ -61,36 +69,9 @@ def crossing(robots):
 
     No two ways are as safe or as long; from node 1 the safest one home is longer than another.
     """
-    graph = nx.DiGraph(base=0, robots=robots)
-    for node, value in enumerate([0.0, 1.0, 3.0, 0.5]):
-        graph.add_node(node, reward=value)
-    arcs = [(0, 1, 0.9), (1, 2, 0.7), (2, 0, 0.8), (1, 3, 0.6), (3, 1, 0.95), (0, 2, 0.5)]
-    graph.add_weighted_edges_from([*arcs, (3, 2, 0.85)], "survival")
-    spans = [(0, 1, 1.0), (1, 2, 2.0), (2, 0, 1.5), (1, 3, 0.7), (3, 1, 2.2), (0, 2, 1.1)]
-    graph.add_weighted_edges_from([*spans, (3, 2, 0.4)], "length")
-    return Mission(graph)
-
-
-def assert_frequencies(ants, twin, n_times=8_000):
-    """Compare how often each plan is built, for λ = 0, 1/2 and 1, with its exact probability.
-
-    ``twin`` makes a readable ant of a λ. Gives the plans that each may build.
-    """
-    seen = [Counter(), Counter(), Counter()]
-    for _ in range(n_times):
-        for ant, plan in enumerate(ants.construct(3)):
-            seen[ant][plan.nodes.tobytes(), plan.offsets.tobytes()] += 1
-    possible = []
-    for weight, built in zip((0.0, 0.5, 1.0), seen, strict=True):
-        counted = Counter({TrailPlan._wrap(*plan).trails: n for plan, n in built.items()})
-        expected = twin(weight).plan_probabilities()
-        assert sum(expected.values()) == pytest.approx(1.0, abs=1e-12)
-        assert set(counted) <= set(expected)
-        for plan, probability in expected.items():
-            spread = (n_times * probability * (1 - probability)) ** 0.5
-            assert abs(counted[plan] - n_times * probability) <= 5 * spread + 1, plan
-        possible.append(set(expected))
-    return possible
+    arcs = [(0, 1, 0.9, 1.0), (1, 2, 0.7, 2.0), (2, 0, 0.8, 1.5), (1, 3, 0.6, 0.7)]
+    arcs += [(3, 1, 0.95, 2.2), (0, 2, 0.5, 1.1), (3, 2, 0.85, 0.4)]
+    return mission_of(arcs, [0.0, 1.0, 3.0, 0.5], robots=robots)
 
 
 def crossing_of_kinds():
@@ -118,111 +99,59 @@ def levels_of(mission, pheromone):
     return levels * mission.robots if len(levels) == 1 else levels
 
 
-@pytest.mark.compiled_only
-@pytest.mark.parametrize(
-    ("allocation", "has_limits"),
-    [("sequential", True), pytest.param("concurrent", False, marks=pytest.mark.slow)],
-)
-def test_ants_of_kinds_choose_by_what_each_kind_expects(allocation, has_limits):
-    mission, twin = crossing_of_kinds(), ALLOCATIONS[allocation]
-    world = mission.world if has_limits else twins.alike(mission)
-    ants = colony(mission, n_ants=3, seed=5, allocation=allocation, world=world, exploration=0.5)
-    ants.pheromone[...] = np.random.default_rng(2).uniform(0.3, 3, ants.pheromone.shape)
-    levels = levels_of(mission, ants.pheromone)
-    assert_frequencies(ants, lambda weight: twin(mission, ants.settings, levels, weight, world))
+KINDS, CONCURRENT = crossing_of_kinds(), {"allocation": "concurrent"}
+slow = pytest.mark.slow
 
 
 @pytest.mark.compiled_only
 @pytest.mark.parametrize(
-    ("robots", "allocation", "changes"),
+    ("mission", "limits", "changes"),
     [
-        (2, "sequential", {}),
-        (2, "concurrent", {"exploration": 0.5, "unvisited_bonus": 0.05}),
-        (1, "sequential", {"heuristic": False, "exploration": 0.01}),
-        (2, "sequential", {"pheromone_per_robot": True}),
-    ],
-    ids=["paper", "journal", "no heuristic", "per robot"],
-)
-def test_ants_choose_as_the_paper_says(robots, changes, allocation):
-    """Frequencies of whole plans, for λ = 0, 1/2 and 1, against their exact probabilities."""
-    mission = crossing(robots)
-    assert not mission.balanced
-    ants = colony(mission, n_ants=3, seed=5, allocation=allocation, **changes)
-    ants.pheromone[...] = np.random.default_rng(2).uniform(0.3, 3, ants.pheromone.shape)
-    pheromone, twin = levels_of(mission, ants.pheromone), ALLOCATIONS[allocation]
-    assert_frequencies(ants, lambda weight: twin(mission, ants.settings, pheromone, weight))
-
-
-@pytest.mark.compiled_only
-@pytest.mark.parametrize(
-    ("limits", "robots", "allocation"),
-    [
-        pytest.param((0.45,), 1, "sequential", marks=pytest.mark.slow),
-        ((0.3,), 2, "concurrent"),
-        ((0.0, 3.8), 2, "sequential"),
-        pytest.param((0.35, 7.0), 2, "concurrent", marks=pytest.mark.slow),
+        (crossing(2), None, {}),
+        (crossing(2), None, {"exploration": 0.5, "unvisited_bonus": 0.05, **CONCURRENT}),
+        (crossing(1), None, {"heuristic": False, "exploration": 0.01}),
+        (crossing(2), None, {"pheromone_per_robot": True}),
+        pytest.param(crossing(1), (0.45,), {"exploration": 0.5}, marks=slow),
+        (crossing(2), (0.3,), {"exploration": 0.5, **CONCURRENT}),
+        (crossing(2), (0.0, 3.8), {"exploration": 0.5}),
+        pytest.param(crossing(2), (0.35, 7.0), {"exploration": 0.5, **CONCURRENT}, marks=slow),
+        (KINDS, "their own", {"exploration": 0.5}),
+        pytest.param(KINDS, None, {"exploration": 0.5, **CONCURRENT}, marks=slow),
     ],
 )
-def test_ants_keep_limits_and_choose_among_what_is_left(limits, robots, allocation):
-    """Frequencies of whole plans under limits against their exact probabilities."""
-    mission, twin = crossing(robots), ALLOCATIONS[allocation]
-    world = twins.alike(mission, *limits)
-    ants = colony(mission, n_ants=3, seed=5, world=world, exploration=0.5, allocation=allocation)
-    levels = [dict.fromkeys([*mission.graph.edges, (0, 0)], (1.0, 1.0))] * robots
-    free = twin(mission, ants.settings, levels, 0.5).plan_probabilities()
-    for possible in assert_frequencies(
-        ants, lambda weight: twin(mission, ants.settings, levels, weight, world)
-    ):
-        assert len(possible) < len(free)
+def test_ants_choose_as_the_paper_says_among_what_keeps_limits(mission, limits, changes):
+    """How often each whole plan is built, for λ = 0, 1/2 and 1, against its exact probability."""
+    world = mission.world if limits == "their own" else twins.alike(mission, *(limits or ()))
+    ants = colony(mission, n_ants=3, seed=5, world=world, **changes)
+    ants.pheromone[...] = np.random.default_rng(2).uniform(0.3, 3, ants.pheromone.shape)
+    levels, seen = levels_of(mission, ants.pheromone), [Counter(), Counter(), Counter()]
+    for _ in range(8_000):
+        for ant, plan in enumerate(ants.construct(3)):
+            seen[ant][plan.nodes.tobytes(), plan.offsets.tobytes()] += 1
+    free = twins.Ant(mission, ants.settings, levels, 0.5).plan_probabilities()
+    for weight, built in zip((0.0, 0.5, 1.0), seen, strict=True):
+        counted = Counter({TrailPlan._wrap(*plan).trails: n for plan, n in built.items()})
+        ant = twins.Ant(mission, ants.settings, levels, weight, world)
+        expected = ant.plan_probabilities()
+        twins.assert_frequencies(counted, expected)
+        assert (len(expected) < len(free)) == (limits is not None)
 
 
-def two_leaves():
-    """Two robots at base 0, and nodes 1 and 2 with a way out and back each."""
-    graph = nx.DiGraph(base=0, robots=2)
-    graph.add_nodes_from([0, 1, 2], reward=1.0)
-    graph.add_weighted_edges_from([(0, 1, 0.5), (0, 2, 0.5), (1, 0, 1), (2, 0, 1)], "survival")
-    return Mission(graph)
-
-
-@pytest.mark.parametrize(
-    ("allocation", "ends"), [("sequential", 1 / 12), ("concurrent", 1 / 7)], ids=ALLOCATIONS
-)
+@pytest.mark.parametrize(("allocation", "ends"), [("sequential", 1 / 12), ("concurrent", 1 / 7)])
 def test_what_the_first_robot_knows_of_the_second(allocation, ends):
-    """The twins by hand, for λ = 0: one robot visits each leaf.
+    """The twin by hand, for λ = 0: one robot visits each of two leaves.
 
     A leaf that nobody reaches weighs 0.05 + 0.5, one that the other robot reaches with
     probability 1/2 weighs 0.05 + 0.25, and the end of the trail 0.05. When the first robot is
     back, the second one has visited the other leaf only where they are out concurrently.
     """
-    mission = two_leaves()
+    mission = mission_of([(0, 1, 0.5), (0, 2, 0.5), (1, 0, 1), (2, 0, 1)], [1] * 3, robots=2)
     first, second, second_ends = 0.55 / 1.15, 0.55 / 0.9, 0.05 / 0.35
-    probability = first * ends * second * second_ends
     levels = [dict.fromkeys([*mission.graph.edges, (0, 0)], (1.0, 1.0))] * 2
     settings = ColonySettings(n_ants=2, allocation=allocation)
-    found = ALLOCATIONS[allocation](mission, settings, levels, 0.0).plan_probabilities()
+    found = twins.Ant(mission, settings, levels, 0.0).plan_probabilities()
+    probability = first * ends * second * second_ends
     assert found[(0, 1, 0), (0, 2, 0)] == pytest.approx(probability, rel=1e-12)
-
-
-@examples(200)
-@given(
-    missions(max_nodes=8, lengths=lengths) | team_missions(lengths=lengths),
-    st.sampled_from([0.0, 0.05, 0.3, 0.7, 1.0]),
-    st.sampled_from([np.inf, 9.0, 5.0, 2.0, 0.0]),
-    st.sampled_from(list(ALLOCATIONS)),
-    st.integers(0, 2**32),
-)
-def test_limits_are_kept_everywhere(mission, least, longest, allocation, seed):
-    """Safe arcs and arcs without length among them, so that ways home tie."""
-    changes = {"exploration": 0.5, "allocation": allocation}
-    try:
-        problem = BOTOHE(mission, min_survival=least, max_length=longest)
-    except ValueError:  # a kind has no way to its end that is within them
-        assume(False)
-    ants = colony(mission, n_ants=7, seed=seed, world=problem.world, **changes)
-    batch = ants.construct(7)
-    mission.evaluate(batch)
-    assert (mission.robot_survival(batch) >= problem.limits.floors).all()
-    assert (mission.trail_lengths(batch) <= problem.limits.budgets).all()
 
 
 def test_long_trails_outgrow_the_first_room():
@@ -247,8 +176,8 @@ def walked(trail):
     return [*(hops.index(hop) for hop in pairwise(trail)), N_ARCS - 1]
 
 
-def twin(pheromone, evaporation, pooled, iteration, archived):
-    """Dicts of (map, arc) -> [τ_R, τ_S]; the sets are lists of ((E[R], E[S]), trails)."""
+def learned(pheromone, evaporation, pooled, iteration, archived):
+    """The twin, by (map, arc): [τ_R, τ_S]; the sets are lists of ((E[R], E[S]), trails)."""
     n_maps = 1 + max(m for m, _ in pheromone)
     after = {key: [(1 - evaporation) * level for level in both] for key, both in pheromone.items()}
     for plans in (iteration, archived):
@@ -262,11 +191,9 @@ def twin(pheromone, evaporation, pooled, iteration, archived):
     return after
 
 
-def hops(nodes):
-    return all(one != other for one, other in pairwise(nodes))
-
-
-trails = st.lists(st.integers(0, 3), min_size=1, max_size=6).filter(hops)
+trails = st.lists(st.integers(0, 3), min_size=1, max_size=6).filter(
+    lambda nodes: all(one != other for one, other in pairwise(nodes))
+)
 plans = st.tuples(
     st.tuples(st.floats(0, 9), st.floats(0, 3)),
     st.lists(trails, min_size=N_ROBOTS, max_size=N_ROBOTS),
@@ -275,13 +202,11 @@ plans = st.tuples(
 
 def depositors(plans, members=None):
     trails = [trail for _, trails in plans for trail in trails]
-    offsets = np.zeros(len(trails) + 1, np.int64)
-    np.cumsum([len(trail) for trail in trails], out=offsets[1:])
     return Depositors(
         np.array([objectives for objectives, _ in plans]),
         np.arange(len(plans)) if members is None else members,
         np.array([node for trail in trails for node in trail], np.int32),
-        offsets,
+        np.cumsum([0, *map(len, trails)]),
     )
 
 
@@ -302,19 +227,10 @@ def test_learn(batch, chosen, archived, n_maps, evaporation, pooled, seed):
     members = np.array(sorted(i for i in chosen if i < len(batch)) or [0])
     levels = np.random.default_rng(seed).uniform(0.1, 5, (n_maps, N_ARCS, 2))
     before = {(m, a): levels[m, a].tolist() for m in range(n_maps) for a in range(N_ARCS)}
-    expected = twin(before, evaporation, pooled, [batch[i] for i in members], archived)
-    iteration, archive = depositors(batch, members), depositors(archived)
-    pheromone = new_pheromone(levels)
+    expected = learned(before, evaporation, pooled, [batch[i] for i in members], archived)
+    pheromone, rule = new_pheromone(levels), LearnRule(evaporation, pooled)
     pheromone.deposits[:], pheromone.archive_deposits[:] = 7.0, 7.0  # of iterations before
-    learn(
-        WORLD.graph,
-        len(WORLD.team.reward),
-        LearnRule(evaporation, pooled),
-        iteration,
-        archive,
-        True,
-        pheromone,
-    )
+    learn(*OF_WORLD, rule, depositors(batch, members), depositors(archived), True, pheromone)
     for (m, arc), levels_expected in expected.items():
         assert pheromone.levels[m, arc] == pytest.approx(levels_expected, rel=1e-12)
 

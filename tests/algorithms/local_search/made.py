@@ -5,19 +5,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from botohe_moo import TrailPlan
-from botohe_moo.algorithms.local_search import engine
+from botohe_moo import BOTOHE, TrailPlan
+from botohe_moo.algorithms import RandomTrailSampling
 from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch, LocalSearchSettings
-from botohe_moo.algorithms.local_search.kernels import moves, plans, search, state
+from botohe_moo.algorithms.local_search.kernels import moves, plans, search
 from botohe_moo.algorithms.local_search.kernels.state import NEVER
 from botohe_moo.core.ordered import best_reward, nearest_place, read_front
 from botohe_moo.core.world import CHECKING, find_arc
 from botohe_moo.trails import PlanBatch
 from tests import twins
 from tests.twins import plain_local_search
-
-# In plain Python ten thousand fruitless parents would take their time.
-FEW = 50
 
 
 def unstarted(mission, *, seed=0, min_survival=0.0, max_length=None, **settings):
@@ -39,19 +36,7 @@ def started(mission, start=(), **options):
 
 
 def random_plans(mission, n):
-    """Plans along any arcs of a mission where each has one back: there is no dead end but base."""
-    rng, graph, base = np.random.default_rng(3), mission.world.graph, mission.index(mission.base)
-    arcs = list(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))
-    trails = []
-    for _ in range(n * mission.robots):
-        trail, unused = [base], {}
-        for tail, head in rng.permutation(arcs).tolist():
-            unused.setdefault(tail, []).append(head)
-        while unused[trail[-1]] and (trail[-1] != base or rng.random() < 0.7):
-            trail.append(unused[trail[-1]].pop())
-        trails.append(trail)
-    plans = [trails[i : i + mission.robots] for i in range(0, len(trails), mission.robots)]
-    return mission.batch([TrailPlan(plan) for plan in plans])
+    return RandomTrailSampling().sample_batch(BOTOHE(mission), n, np.random.default_rng(3))
 
 
 def outcome(found):
@@ -147,42 +132,41 @@ class Child:
     """
 
     def __init__(self, found, gained):
-        front, work, graph = found._front, found._work, found.world.graph
+        work, graph = found._work, found.world.graph
         draft, self.robot, self.mission = work.draft, int(work.draft.robot), found.mission
         self.limits = found.world.limits
-        parent = plan_of(found.parts, work.parent).trails
-        self.others = [trail for robot, trail in enumerate(parent) if robot != self.robot]
-        laid, start = work.steps["arc"].tolist(), parent[self.robot][:1]
-        self.parent = (*start, *graph.head[laid[: draft.length]].tolist())
-        self.fixed, self.gained = float(draft.others), gained
-        self.arcs = [
-            *laid[: draft.prefix],
-            *work.middle[: draft.n_middle].tolist(),
-            *laid[draft.suffix : draft.length],
-        ]
+        *self.others, parent = plan_of(found.parts, work.parent).trails
+        if self.robot < len(self.others):
+            self.others.append(parent)
+            parent = self.others.pop(self.robot)
+        self.fixed, self.gained, self.parent = float(draft.others), gained, parent
+        laid = work.steps["arc"][: draft.length].tolist()
+        middle = work.middle[: draft.n_middle].tolist()
+        self.arcs = [*laid[: draft.prefix], *middle, *laid[draft.suffix :]]
         n = moves.write_child(work)
         assert work.child[:n].tolist() == self.arcs
-        self.tails, self.heads = graph.tail[self.arcs].tolist(), graph.head[self.arcs].tolist()
-        self.trail = (*start, *self.heads)
+        self.tails = graph.tail[self.arcs].tolist()
+        self.trail = (*parent[:1], *graph.head[self.arcs].tolist())
         self.alive = twins.survival_of(self.mission, self.trail)
-        self.needed = best_reward(front, (draft.survivors + self.alive) * (1 - CHECKING))
+        least = (draft.survivors + self.alive) * (1 - CHECKING)
+        self.needed = best_reward(found._front, least)
 
     def check(self):
         """Whether it is a trail, another one, and its figures are those of the formulas."""
-        mission, n_nodes = self.mission, len(self.mission.nodes)
-        start, end = twins.ends_of(mission, self.robot)
-        assert [start, *self.heads] == [*self.tails, end]
+        mission, n_nodes, trail = self.mission, len(self.mission.nodes), self.trail
+        assert (trail[0], trail[-1]) == twins.ends_of(mission, self.robot)
+        assert [*trail[:-1]] == self.tails
         assert len(set(self.arcs)) == len(self.arcs)
-        assert self.trail != self.parent
-        others = list(mission.kind_of)
-        kind = others.pop(self.robot)
-        named = [[node % n_nodes for node in trail] for trail in [*self.others, self.trail]]
-        before = twins.evaluate(mission, named[:-1], others)[0]
-        gains = twins.evaluate(mission, named, [*others, kind])[0] - before
+        assert trail != self.parent
+        kinds = list(mission.kind_of)
+        kind = kinds.pop(self.robot)
+        named = [[node % n_nodes for node in each] for each in [*self.others, trail]]
+        before = twins.evaluate(mission, named[:-1], kinds)[0]
+        gains = twins.evaluate(mission, named, [*kinds, kind])[0] - before
         near = {"rel": 1e-12, "abs": 1e-13 * (mission.total_reward + mission.robots)}
         assert self.fixed == pytest.approx(before, **near)
         floor, budget = self.limits.floors[self.robot], self.limits.budgets[self.robot]
-        walked = twins.length_of(mission, self.trail)
+        walked = twins.length_of(mission, trail)
         if self.gained >= 0:
             assert self.gained == pytest.approx(gains, **near)
             assert self.fixed + self.gained > self.needed
@@ -209,17 +193,17 @@ def note_entering(patch):
     return entering
 
 
-def watched(mission, start, n_evaluations, *, full_up_to=state.FULL_UP_TO, constants=(), **options):
-    """Search in plain Python, with other constants; the search, and every child made on the way."""
+def watched(mission, start, n_evaluations, *constants, **options):
+    """Search in plain Python, with other constants of modules.
+
+    Return the search, every child made on the way, and every plan that entered.
+    """
     with plain_local_search() as patch:
-        for module, name, value in constants:
+        # In plain Python ten thousand fruitless parents would take their time.
+        for module, name, value in ((search, "MAX_FRUITLESS", 50), *constants):
             patch.setattr(module, name, value)
-        for module in (state, engine):
-            patch.setattr(module, "FULL_UP_TO", full_up_to)
-        patch.setattr(state, "NEAR", 2)
-        found, made = started(mission, start, **options), []
-        patch.setattr(search, "MAX_FRUITLESS", FEW)
-        evaluate_child = moves.evaluate_child
+        entering, made, evaluate_child = note_entering(patch), [], moves.evaluate_child
+        found = started(mission, start, **options)
 
         def noted(*arguments):
             gained = evaluate_child(*arguments)
@@ -229,4 +213,4 @@ def watched(mission, start, n_evaluations, *, full_up_to=state.FULL_UP_TO, const
         patch.setattr(moves, "evaluate_child", noted)
         if len(found):
             found.run(n_evaluations)
-    return found, made
+    return found, made, entering

@@ -25,30 +25,20 @@ def soon(monkeypatch):
     monkeypatch.setattr(module, "N_MIGRANTS", 10)
 
 
-WITH_KINDS, ON_RETURN = "drones_and_rovers", "art_museum_return"
-OTHERS = [pytest.param(name, marks=pytest.mark.slow) for name in (WITH_KINDS, ON_RETURN)]
+MUSEUM, TOY = load_mission("art_museum"), load_mission("toy")
 
 
-@pytest.fixture(scope="module", params=["art_museum", *OTHERS])
-def mission(request):
-    return load_mission(request.param)
-
-
-def begun(mission, *, n_threads=1, **settings):
+def begun(**settings):
     """Islands that know one plan: everybody at home."""
     islands = Islands(
-        mission,
-        mission.limited(),
-        n_threads=n_threads,
+        MUSEUM,
+        MUSEUM.limited(),
+        n_threads=1,
         random_state=np.random.default_rng(0),
         settings=LocalSearchSettings(**settings),
     )
-    islands.first.insert(mission.batch([mission.stay_home()]))
+    islands.first.insert(MUSEUM.batch([MUSEUM.stay_home()]))
     return islands
-
-
-def outcomes(islands):
-    return [outcome(island) for island in islands._islands]
 
 
 class TestMigration:
@@ -62,25 +52,19 @@ class TestMigration:
         with plain_local_search():
             yield
 
-    @pytest.fixture
-    def toy(self):
-        return load_mission("toy")
-
-    def searches(self, mission, *given, n=2):
+    def searches(self, *given, n=2, mission=TOY):
         return [started(mission, map(mission.plan, given), seed=seed) for seed in range(n)]
 
     def insert(self, search, *given):
         search.insert(search.mission.batch([search.mission.plan(plan) for plan in given]))
 
-    def exchange(self, found, known=None):
-        """Let all searches take over what has entered the fronts since; return the migrants."""
-        known = known or [0] * len(found)
+    def exchange(self, found, known):
+        """Let all searches take over what has entered the fronts since."""
         parts = [search.migrants(since) for search, since in zip(found, known, strict=True)]
         migrants = module._together(parts)
         for search in found:
             search.take_over(migrants)
             check(search)
-        return migrants
 
     @examples(40)
     @given(missions_with_plans() | team_missions_with_plans(), st.integers(1, 3))
@@ -99,8 +83,8 @@ class TestMigration:
                     objectives = front_of(search.objectives(), 1e-11)
                     np.testing.assert_allclose(objectives, expected, rtol=1e-10)
 
-    def test_migrants_are_what_has_entered_since(self, toy):
-        [search] = self.searches(toy, n=1)
+    def test_migrants_are_what_has_entered_since(self):
+        [search] = self.searches(n=1)
         assert len(search.migrants(search.version).plan) == 0
         self.insert(search, self.PLANS[0])
         migrants = search.migrants(1)
@@ -110,17 +94,17 @@ class TestMigration:
         assert [[trails[t].tolist() for t in plan] for plan in migrants.plan] == [[[0], [0, 2, 0]]]
         assert len(search.migrants(0).plan) == 2
 
-    def test_turns_as_a_parent_are_those_of_the_finder(self, toy):
+    def test_turns_as_a_parent_are_those_of_the_finder(self):
         """The first one is, also where it is still to come."""
-        one, other = self.searches(toy)
+        one, other = self.searches()
         self.insert(one, *self.PLANS)
         one._front.slots["tried"][read_front(one._front)[0]] = 0, 5, 1, 2
         self.exchange([one, other], [1, 1])
-        assert [tried_of(search) for search in (one, other)] == [[0, 5, 1, 2], [1, 5, 1, 0]]
+        assert [outcome(search)[3] for search in (one, other)] == [[0, 5, 1, 2], [1, 5, 1, 0]]
 
     @pytest.mark.parametrize("room", [0, 1, 2])
-    def test_where_there_is_no_room_there_will_be(self, toy, room):
-        one, other = self.searches(toy)
+    def test_where_there_is_no_room_there_will_be(self, room):
+        one, other = self.searches()
         self.insert(one, *self.PLANS)
         spare, other._front.n.spare = other._front.n.spare, N_CHILDREN + room
         other.take_over(one.migrants(1))
@@ -128,24 +112,24 @@ class TestMigration:
         assert np.array_equal(one.objectives(), other.objectives())
 
     @pytest.mark.parametrize("moves", [False, True])
-    def test_trails_that_are_there_are_not_stored_again(self, toy, moves):
+    def test_trails_that_are_there_are_not_stored_again(self, moves):
         """Nor where they have moved to where there is more room."""
-        one, other = self.searches(toy, self.PLANS[0])
+        one, other = self.searches(self.PLANS[0])
         if moves:
             other._make_room()
         before = n_stored(other)
         self.insert(one, *self.PLANS)
-        self.exchange([one, other])
+        self.exchange([one, other], [0, 0])
         assert len(other) == 4
         assert n_stored(other) == before + 1
         self.insert(one, ([1, 2, 4, 3, 1], [1, 3, 1]))
-        self.exchange([one, other])
+        self.exchange([one, other], [0, 0])
         assert len(other) == 5
         assert n_stored(other) == before + 1
         assert np.array_equal(one.objectives(), other.objectives())
 
-    def test_a_trail_that_no_plan_has_any_more_is_stored_anew(self, toy):
-        one, other = self.searches(toy, [[1, 3, 4, 3, 1], [1]])
+    def test_a_trail_that_no_plan_has_any_more_is_stored_anew(self):
+        one, other = self.searches([[1, 3, 4, 3, 1], [1]])
         migrants = one.migrants(0)
         other.restart()
         other.take_over(migrants)
@@ -154,7 +138,7 @@ class TestMigration:
 
     def test_trails_without_arcs_differ_by_kind(self):
         drones = load_mission("drones_and_rovers")
-        [search] = self.searches(drones, n=1)
+        [search] = self.searches(n=1, mission=drones)
         migrants = search.migrants(0)
         starts = migrants.nodes.tolist()  # of trails that go nowhere
         assert starts == drones.world.team.start.tolist()
@@ -162,34 +146,20 @@ class TestMigration:
         assert len(set(migrants.hash.tolist())) == len(drones.kinds)
 
 
-def tried_of(search):
-    return search._front.slots["tried"][read_front(search._front)[0]].tolist()
-
-
 def n_stored(search):
     return np.count_nonzero(search._store.trails["n_users"])
 
 
-def test_one_island_is_the_search_alone(mission):
-    islands, alone = begun(mission), started(mission)
+def test_one_island_is_the_search_alone():
+    islands, alone = begun(), started(MUSEUM)
     for n in (100, 400, 501):
         assert islands.run(n) == alone.run(n) == n
-    assert outcomes(islands) == [outcome(alone)]
+    assert [outcome(island) for island in islands._islands] == [outcome(alone)]
     assert islands.statistics[["tried", "entered"]].equals(alone.statistics[["tried", "entered"]])
 
 
-@pytest.mark.parametrize(
-    "n_threads", [3, *(pytest.param(n, marks=pytest.mark.slow) for n in (2, 8))]
-)
-def test_threads_do_not_change_results(mission, n_threads):
-    one, other = (begun(mission, n_islands=4, n_threads=n) for n in (1, n_threads))
-    for n in (300, 403, 5, 2, 900):
-        assert one.run(n) == other.run(n) == n
-        assert outcomes(one) == outcomes(other)
-
-
-def test_all_islands_take_over_what_others_found(mission):
-    islands = begun(mission, n_islands=3)
+def test_all_islands_take_over_what_others_found():
+    islands = begun(n_islands=3)
     for n in (300, 1, 400, 1_000):
         first, version, before = islands.first, islands.first.version, islands.first.objectives()
         islands.run(n)
@@ -206,46 +176,31 @@ def test_all_islands_take_over_what_others_found(mission):
     assert len({island._states.tobytes() for island in islands._islands}) == 3
 
 
-def test_what_each_move_brought_on_all_islands(mission):
-    islands = begun(mission, n_islands=3)
+def test_what_each_move_brought_on_all_islands():
+    islands = begun(n_islands=3)
     n = sum(islands.run(n) for n in (300, 1, 700))
     found, parts = islands.statistics, [island.statistics for island in islands._islands]
-    assert len(parts) == 3
     assert found.index.name == "move"
-    for name in found.columns:
-        assert found[name].tolist() == pytest.approx(sum(part[name] for part in parts).tolist())
+    np.testing.assert_allclose(found, sum(parts), rtol=1e-9)
     assert found["tried"].sum() == n
     assert min(part["tried"].sum() for part in parts) > 100
-    assert pickled(islands).statistics.equals(found)
+    assert pickle.loads(pickle.dumps(islands)).statistics.equals(found)
 
 
-def test_islands_begin_when_the_first_has_searched_for_long(mission):
-    islands, numbers = begun(mission, n_islands=5), []
-    for _ in range(4):
-        islands.run(100)
-        numbers.append(islands.n_running)
-    assert numbers == [1, 1, 1, 5]
+def test_islands_begin_when_the_first_has_searched_for_long_and_then_fewer_plans_wait():
+    islands, found = begun(n_islands=5), []
+    for n in (100, 100, 100, 1):
+        islands.run(n)
+        found.append([int(island._memory[0].most_waiting) for island in islands._islands])
+    assert found == [[QUEUE]] * 3 + [[module._QUEUE] * 5]
+    again = pickle.loads(pickle.dumps(islands))
+    assert [island._memory[0].most_waiting for island in again._islands] == found[-1]
 
 
 def test_islands_that_find_no_move_leave_the_evaluations_to_others():
-    museum = load_mission("art_museum")
-    search = started(museum)
+    search = started(MUSEUM)
     search.run(3_000)
-    islands = begun(museum, n_islands=8, moves={"adopt": 1.0}, prob_recreate=0.0)
+    islands = begun(n_islands=8, moves={"adopt": 1.0}, prob_recreate=0.0)
     islands.first.insert(search.plans()[0])
     for _ in range(3):
         assert islands.run(20_000) == 20_000
-
-
-def pickled(search):
-    return pickle.loads(pickle.dumps(search))
-
-
-def test_fewer_plans_wait_on_islands(mission):
-    islands = begun(mission, n_islands=3)
-    islands.run(300)
-    assert [island._memory[0].most_waiting for island in islands._islands] == [QUEUE]
-    islands.run(1)
-    for each in (islands, pickled(islands)):
-        most = [island._memory[0].most_waiting for island in each._islands]
-        assert most == [module._QUEUE] * 3

@@ -7,7 +7,7 @@ from math import exp, inf, log
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission, TrailPlan
@@ -17,15 +17,9 @@ from botohe_moo.algorithms.local_search.kernels.state import N_CHILDREN, new_sto
 from botohe_moo.core.rng import uniform
 from botohe_moo.core.world import new_limits
 from tests import twins
-from tests.algorithms.local_search.made import (
-    check,
-    keeps_limits,
-    plan_of,
-    unstarted,
-    write_child,
-)
+from tests.algorithms.local_search.made import check, keeps_limits, plan_of, unstarted, write_child
 from tests.examples import examples
-from tests.strategies import missions_with_plans, team_missions_with_plans
+from tests.strategies import mission_of, missions_with_plans
 from tests.twins import plain_local_search
 
 FLOORS = st.sampled_from([0.0, 0.0, 0.2, 0.7, 1.0])
@@ -79,71 +73,58 @@ def slacks_of(work):
     ]
 
 
-class TestChoosing:
-    @pytest.mark.parametrize("robots", [1, 7])
-    def test_robots(self, plain, robots):
-        mission, seen = complete(3, 0, robots=robots), Counter()
-        plan = [(0,)] * robots
-        for p_pair in (0.0, 0.5, 1.0):
-            plain.setattr(kernels, "P_PAIR", p_pair)
-            search = holding(mission, plan, [0])
-            work = search._work
-            for trial in range(200):
-                work.draft.robot = trial % robots
-                kernels._draw_robots(search.parts)
-                assert sorted(work.chosen.tolist()) == list(range(robots))
-                assert work.chosen[0] == work.draft.robot
-                seen[p_pair, int(work.draft.n_chosen)] += 1
-        assert seen[0.0, 1] == seen[1.0, robots] == 200
-        if robots == 7:
-            assert seen[0.5, 1] == pytest.approx(100, abs=40)
-            assert {n for p, n in seen if p == 0.5} >= {1, 2, 3, 4}
+@pytest.mark.parametrize("robots", [1, 7])
+def test_one_robot_is_chosen_or_a_pair_and_maybe_more_or_all(plain, robots):
+    search, seen = holding(complete(3, 0, robots=robots), [(0,)] * robots, [0]), Counter()
+    work = search._work
+    for p_pair in (0.0, 0.5, 1.0):
+        plain.setattr(kernels, "P_PAIR", p_pair)
+        for trial in range(200):
+            work.draft.robot = trial % robots
+            kernels._draw_robots(search.parts)
+            assert sorted(work.chosen.tolist()) == list(range(robots))
+            assert work.chosen[0] == work.draft.robot
+            seen[p_pair, int(work.draft.n_chosen)] += 1
+    assert seen[0.0, 1] == seen[1.0, robots] == 200
+    if robots == 7:
+        assert seen[0.5, 1] == pytest.approx(100, abs=40)
+        assert {n for p, n in seen if p == 0.5} >= {1, 2, 3, 4}
 
 
-class TestSlack:
-    """Of a trail that survives with 0.5 · 0.8 = 0.4, and is 3 + 1 long."""
+def slack(plain, p_full, spread, **rule):
+    """Draw that of a trail that survives with 0.5 · 0.8 = 0.4, and is 3 + 1 long."""
+    plain.setattr(kernels, "P_FULL", p_full)
+    plain.setattr(kernels, "SPREAD", spread)
+    mission = mission_of([(0, 1, 0.5, 3.0), (1, 0, 0.8, 1.0)], [0, 1], robots=1)
+    search = holding(mission, [(0, 1, 0)], [0], **rule)
+    kernels._draw_slack(search.parts, 0)
+    return slacks_of(search._work)[0]
 
-    @pytest.fixture
-    def slack(self, plain):
-        graph = nx.DiGraph()
-        graph.add_node(0, reward=0.0)
-        graph.add_node(1, reward=1.0)
-        graph.add_edge(0, 1, survival=0.5, length=3.0)
-        graph.add_edge(1, 0, survival=0.8, length=1.0)
-        mission = Mission(graph, base=0, robots=1)
 
-        def slack(p_full, spread, plan=((0, 1, 0),), mission=mission, **rule):
-            plain.setattr(kernels, "P_FULL", p_full)
-            plain.setattr(kernels, "SPREAD", spread)
-            search = holding(mission, plan, [0], **rule)
-            kernels._draw_slack(search.parts, 0)
-            return slacks_of(search._work)[0]
+@pytest.mark.parametrize(
+    ("p_full", "rule", "danger", "length"),
+    [
+        (0.0, {}, -log(0.4), inf),
+        (1.0, {"min_survival": 0.2}, -log(0.2), inf),
+        (0.0, {"min_survival": 0.2}, -log(0.4), inf),
+        (0.0, {"max_length": 9.0}, -log(0.4), 4.0),
+        (1.0, {"max_length": 10.0}, -2.5 * log(0.4), 10.0),
+        (1.0, {"max_length": 10.0, "min_survival": 0.3}, -log(0.3), 10.0),
+    ],
+)
+def test_slack_by_hand(plain, p_full, rule, danger, length):
+    assert slack(plain, p_full, 0.0, **rule) == pytest.approx((danger, length), rel=1e-12)
 
-        return slack
 
-    @pytest.mark.parametrize(
-        ("p_full", "rule", "danger", "length"),
-        [
-            (0.0, {}, -log(0.4), inf),
-            (1.0, {"min_survival": 0.2}, -log(0.2), inf),
-            (0.0, {"min_survival": 0.2}, -log(0.4), inf),
-            (0.0, {"max_length": 9.0}, -log(0.4), 4.0),
-            (1.0, {"max_length": 10.0}, -2.5 * log(0.4), 10.0),
-            (1.0, {"max_length": 10.0, "min_survival": 0.3}, -log(0.3), 10.0),
-        ],
-    )
-    def test_by_hand(self, slack, p_full, rule, danger, length):
-        assert slack(p_full, 0.0, **rule) == pytest.approx((danger, length), rel=1e-12)
-
-    def test_danger_spreads_on_the_scale_of_logarithms(self, slack):
-        found = [slack(0.0, 0.6, seed=seed)[0] for seed in range(200)]
-        logs = np.log(np.array(found) / -log(0.4))
-        assert -0.6 <= logs.min() < -0.5
-        assert 0.5 < logs.max() <= 0.6
-        assert slack(0.0, 0.5, max_length=9.0)[1] == pytest.approx(6.0)
-        assert slack(0.0, 0.5, max_length=5.0)[1] == pytest.approx(5.0)
-        floored = [slack(0.0, 0.6, min_survival=0.4, seed=seed)[0] for seed in range(50)]
-        assert max(floored) == pytest.approx(-log(0.4))
+def test_danger_spreads_on_the_scale_of_logarithms(plain):
+    found = [slack(plain, 0.0, 0.6, seed=seed)[0] for seed in range(200)]
+    logs = np.log(np.array(found) / -log(0.4))
+    assert -0.6 <= logs.min() < -0.5
+    assert 0.5 < logs.max() <= 0.6
+    assert slack(plain, 0.0, 0.5, max_length=9.0)[1] == pytest.approx(6.0)
+    assert slack(plain, 0.0, 0.5, max_length=5.0)[1] == pytest.approx(5.0)
+    floored = [slack(plain, 0.0, 0.6, min_survival=0.4, seed=seed)[0] for seed in range(50)]
+    assert max(floored) == pytest.approx(-log(0.4))
 
 
 @examples(100)
@@ -163,10 +144,7 @@ def test_stops_that_stay_are_some_of_those_there_were(case, data):
 
 
 def complete(n_nodes, seed, *, robots, scale=0.1, returns=False):
-    """A mission with all arcs, of which the direct one is always the cheapest path.
-
-    Where there are returns most nodes pay on return, and some are depots.
-    """
+    """A mission whose direct arcs are the cheapest paths; with depots, and rewards on return."""
     rng, graph = np.random.default_rng(seed), nx.complete_graph(n_nodes, nx.DiGraph)
     for node in graph:
         graph.nodes[node]["reward"] = 10 * rng.random() * (rng.random() < 0.8)
@@ -257,9 +235,21 @@ def test_tours_are_filled_as_the_naive_way(n_nodes, robots, scale, floor, budget
     routes, work = search.costs.routes, search._work
     work.draft.mark += 1
     work.draft.n_legs = 0
-    for which in range(len(chosen)):
-        kernels._build_tour(search.parts, which)
+    drawn, draw_slack = [], kernels._draw_slack
+
+    def noted(*arguments):
+        draw_slack(*arguments)
+        drawn.append(slacks_of(work)[arguments[-1]])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernels, "_draw_slack", noted)
+        for which in range(len(chosen)):
+            kernels._build_tour(search.parts, which)
     opened, slacks = tours_of(work), slacks_of(work)
+    for which, slack in enumerate(slacks):  # what is left when the first legs are laid out
+        legs = [leg for leg in work.legs[: work.draft.n_legs] if leg.tour == which]
+        used = [sum(leg.danger for leg in legs), sum(leg.length for leg in legs)]
+        assert slack == pytest.approx(np.subtract(drawn[which], used), rel=1e-9, abs=1e-9)
     states, marginal = work.states.copy(), work.nodes["marginal"].copy()
     noise, worth, power = uniform(states, 0), np.zeros(n_nodes), 1
     if floor > 0 or budget < inf:
@@ -279,53 +269,31 @@ def test_tours_are_filled_as_the_naive_way(n_nodes, robots, scale, floor, budget
 
 @examples(150)
 @given(missions_with_plans(min_nodes=1, max_nodes=9, max_robots=4), FLOORS, BUDGETS, st.data())
-def test_children_are_plans_within_their_slack(case, floor, budget, data):
+def test_children_are_plans_within_the_limits(case, floor, budget, data):
     mission, plan = case
     limits = {"min_survival": floor, "max_length": budget}
     if not keeps_limits(mission, [plan], floor, budget):
         plan = mission.stay_home()
     order = data.draw(st.permutations(range(mission.robots)))
     chosen = order[: data.draw(st.integers(1, mission.robots))]
-    seed = data.draw(st.integers(0, 99))
-    search = holding(mission, plan.trails, chosen, seed=seed, **limits)
-    routes, store, work = search.costs.routes, search._store, search._work
-    parent, opened, drawn = work.parent.tolist(), [], []
-    draw_slack, fill_tours = kernels._draw_slack, kernels._fill_tours
+    search = holding(mission, plan.trails, chosen, seed=data.draw(st.integers(0, 99)), **limits)
+    work, opened, fill_tours = search._work, [], kernels._fill_tours
+    parent = work.parent.tolist()
 
-    def noted_slack(*arguments):
-        draw_slack(*arguments)
-        drawn.append(slacks_of(work)[arguments[-1]])
-
-    def noted_fill(*arguments):
-        opened[:] = tours_of(work), slacks_of(work)
-        for which, (danger, length) in enumerate(drawn):
-            legs = [leg for leg in work.legs[: work.draft.n_legs] if leg.tour == which]
-            danger -= sum(leg.danger for leg in legs)
-            length -= sum(leg.length for leg in legs)
-            assert opened[1][which] == pytest.approx((danger, length), rel=1e-9, abs=1e-9)
+    def noted(*arguments):
+        opened[:] = tours_of(work)
         fill_tours(*arguments)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(kernels, "_draw_slack", noted_slack)
-        patch.setattr(kernels, "_fill_tours", noted_fill)
+        patch.setattr(kernels, "_fill_tours", noted)
         is_new = kernels._make_child(search.parts)
-    (opened_tours, before), tours, after = opened, tours_of(work), slacks_of(work)
-    added = []
-    for start, stops in zip(opened_tours, tours, strict=True):
-        assert stops[0] == stops[-1] == 0
-        assert len(set(stops[1:])) == len(stops) - 1
+    tours = tours_of(work)
+    for start, stops in zip(opened, tours, strict=True):
         rest = iter(stops)
-        assert all(node in rest for node in start)
-        added += sorted(set(stops) - set(start))
-    assert len(set(added)) == len(added)
-    assert not set(added) & {node for stops in opened_tours for node in stops}
-    for (danger, length), (danger_left, length_left) in zip(before, after, strict=True):
-        assert danger_left >= min(0.0, danger) - 1e-9
-        assert length_left >= min(0.0, length) - 1e-9
-        # A longer way may be less dangerous, but no way by a further stop costs less.
-        if (price := routes.per_length[0]) > 0.0:
-            danger, danger_left = danger + price * length, danger_left + price * length_left
-        assert danger_left <= danger + 1e-9
+        assert all(node in rest for node in start)  # in this order
+    stops = Counter(node for tour in tours for node in tour[1:-1])
+    twice = Counter(node for tour in opened for node in tour[1:-1])
+    assert all(n == max(1, twice[node]) for node, n in stops.items())
     recreated = work.recreated.tolist()
     child = plan_of(search.parts, recreated)
     mission.evaluate([child])  # which must be valid
@@ -335,7 +303,8 @@ def test_children_are_plans_within_their_slack(case, floor, budget, data):
     assert work.parent.tolist() == parent
     assert Counter(work.trails.tolist()) == Counter(recreated)
     users = Counter(parent) + Counter(recreated[robot] for robot in chosen)
-    assert {i: n for i, n in enumerate(store.trails["n_users"].tolist()) if n} == users
+    n_users = search._store.trails["n_users"].tolist()
+    assert {i: n for i, n in enumerate(n_users) if n} == users
 
 
 def recreating(mission, given, *, n_waiting=3, **options):
@@ -349,38 +318,6 @@ def recreating(mission, given, *, n_waiting=3, **options):
     return search
 
 
-def recreate(search, n_most):
-    return kernels.recreate(search.parts, n_most)
-
-
-@examples(100)
-@given(
-    missions_with_plans(max_nodes=8, max_robots=4) | team_missions_with_plans(max_robots=3),
-    FLOORS,
-    BUDGETS,
-    st.booleans(),
-    st.integers(0, 9),
-)
-def test_the_front_and_its_trails_are_kept(case, floor, budget, is_walk, seed):
-    mission, plan = case
-    limits = {"min_survival": floor, "max_length": budget}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(kernels, "P_WALK", float(is_walk))
-        patch.setattr(kernels, "N_WALK", 2)
-        search = recreating(mission, [plan], seed=seed, **limits)
-        assume(len(search))
-        n_given, n_made = search.version, 0
-        for n_most in (50, 2, 50):
-            n_waiting = search.n_waiting
-            n = recreate(search, n_most)
-            n_made += n
-            assert n == n_most or search.n_waiting == 0
-            assert n > 0 or n_waiting == 0
-            check(search, floor, budget)
-    tried, entered = search.statistics.loc["ruin-and-recreate", ["tried", "entered"]]
-    assert (tried, entered) == (n_made, search.version - n_given)
-
-
 @pytest.mark.parametrize("p_walk", [0.0, 1.0])
 def test_children_that_do_not_enter_use_no_room_up(plain, p_walk):
     for name, value in (("P_WALK", p_walk), ("N_WALK", 1), ("THRESHOLD", -1.0)):
@@ -392,7 +329,7 @@ def test_children_that_do_not_enter_use_no_room_up(plain, p_walk):
     for _ in range(60):
         search._memory[0].n_waiting = 1
         before, entered = search._store.n.item(), int(search._front.n.entered)
-        recreate(search, 7)
+        kernels.recreate(search.parts, 7)
         if search._front.n.entered == entered:
             assert search._store.n.item() == before
             unchanged += 1
@@ -406,7 +343,7 @@ def test_room_that_is_used_up_ends_a_walk(plain):
     search = recreating(mission, [TrailPlan(random_tours(mission, 4))])
     front = search._front
     front.n.spare, spare = N_CHILDREN + 4, front.n.spare
-    assert recreate(search, 1_000) < 400
+    assert kernels.recreate(search.parts, 1_000) < 400
     assert front.n.spare == N_CHILDREN
     front.n.spare += spare - N_CHILDREN - 4
     check(search)
@@ -420,7 +357,7 @@ def test_walks_begin_once_the_search_is_stuck(plain, patience, p_walk):
     search = recreating(mission, [], n_waiting=1)
     draw_others, steps = kernels._draw_other_robots, []
     plain.setattr(kernels, "_draw_other_robots", lambda search: steps.append(draw_others(search)))
-    n = recreate(search, kernels.N_WALK * 8)
+    n = kernels.recreate(search.parts, kernels.N_WALK * 8)
     assert len(steps) == (n - 1 if (patience, p_walk) == (-1, 1.0) else 0)
 
 
@@ -433,10 +370,8 @@ def test_a_walk_goes_on_from_what_loses_no_more_than_allowed(plain, robots, thre
         plain.setattr(kernels, name, value)
     mission = complete(8, 5, robots=robots)
     start = [TrailPlan(random_tours(mission, seed)) for seed in range(9)]
-    search = recreating(mission, start, seed=4)
-    work = search._work
-    make_child, release_parent, steps = kernels._make_child, plans.release_parent, []
-    n_worse = 0
+    search, steps, n_worse = recreating(mission, start, seed=4), [], 0
+    work, make_child, release_parent = search._work, kernels._make_child, plans.release_parent
 
     def trails_of(numbers):
         return plan_of(search.parts, numbers).trails
@@ -449,18 +384,14 @@ def test_a_walk_goes_on_from_what_loses_no_more_than_allowed(plain, robots, thre
 
     def check(*arguments):
         nonlocal n_worse
-        slope, n = float(work.draft.slope), len(steps)
+        worth, n = [1.0, float(work.draft.slope)], len(steps)
         steps.append((trails_of(work.parent), None, None))
         for i, ((parent, child, is_new), (following, _, _)) in enumerate(pairwise(steps)):
-            value, new = (
-                np.dot(twins.evaluate(mission, plan), [1.0, slope]) for plan in (parent, child)
-            )
+            value, new = (np.dot(twins.evaluate(mission, plan), worth) for plan in (parent, child))
             least = value * (1 - threshold * (1 - i / n))
             assert following in (parent, child)
-            if new < least - 1e-9:
-                assert following == parent
-            elif new > least + 1e-9 and is_new:
-                assert following == child
+            if abs(new - least) > 1e-9 and is_new:
+                assert following == (child if new > least else parent)
             n_worse += following == child and new < value - 1e-9
         assert n == 80
         steps.clear()
@@ -468,7 +399,7 @@ def test_a_walk_goes_on_from_what_loses_no_more_than_allowed(plain, robots, thre
 
     plain.setattr(kernels, "_make_child", noted)
     plain.setattr(plans, "release_parent", check)
-    assert recreate(search, 400) in (240, 320, 400)
+    assert kernels.recreate(search.parts, 400) in (240, 320, 400)
     assert (n_worse > 0) == (threshold > 0)
 
 
@@ -477,7 +408,7 @@ def test_plans_that_enter_are_next():
     mission, n_recreated = complete(8, 3, robots=2), []
     for seed in range(9):
         search = recreating(mission, [], n_waiting=2, seed=seed)
-        n = recreate(search, 1_000)
+        n = kernels.recreate(search.parts, 1_000)
         assert n % kernels.N_RECREATED == 0
         assert search.n_waiting == 0
         n_recreated.append(n // kernels.N_RECREATED)

@@ -2,7 +2,6 @@
 
 from math import inf
 
-import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,91 +10,62 @@ from hypothesis import strategies as st
 from botohe_moo import Mission, TrailPlan, load_mission
 from botohe_moo.algorithms.local_search import engine
 from botohe_moo.algorithms.local_search.engine import DEFAULT_MOVES, LocalSearch
-from botohe_moo.algorithms.local_search.kernels import moves, plans, recreate, search, state
-from botohe_moo.algorithms.local_search.kernels.moves import N_MOVES, Move
+from botohe_moo.algorithms.local_search.kernels import plans, recreate, search, state
 from botohe_moo.algorithms.local_search.kernels.state import N_TRAILS, new_store
 from tests import twins
-from tests.algorithms.local_search.made import check, note_entering, outcome, started, watched
+from tests.algorithms.local_search.made import check, outcome, started, watched
 from tests.examples import examples
-from tests.strategies import missions_with_plans, team_missions_with_plans
+from tests.strategies import mission_of, missions_with_plans, team_missions_with_plans
 from tests.twins import plain_local_search
 
 FLOORS = st.sampled_from([0.0, 0.0, 0.3, 1.0])
 BUDGETS = st.sampled_from([inf, inf, 7.0, 3.0, 0.0])
 
 
-@examples(120)
+@examples(200)
 @given(
     missions_with_plans(min_nodes=2) | team_missions_with_plans(),
-    st.sampled_from([*DEFAULT_MOVES, "all"]),
+    st.sampled_from([*DEFAULT_MOVES, "all", "all"]),
     FLOORS,
     BUDGETS,
     st.sampled_from([2, 1_000]),
-    st.sampled_from([0.0, 0.0, 0.02]),
-    st.integers(0, 9),
-)
-def test_every_child_is_a_trail_and_is_appraised_right(
-    case, move, floor, budget, full_up_to, p_recreate, seed
-):
-    """One-way missions, safe arcs, nodes without reward; paths known from all nodes or few."""
-    mission, plan = case
-    options = {
-        "moves": DEFAULT_MOVES if move == "all" else {move: 1.0},
-        "seed": seed,
-        "min_survival": floor,
-        "max_length": budget,
-        "prob_recreate": p_recreate,
-    }
-    found, made = watched(mission, [plan], 60, full_up_to=full_up_to, **options)
-    for child in made:
-        child.check()
-    check(found, floor, budget)
-
-
-@examples(80)
-@given(
-    missions_with_plans(min_nodes=2) | team_missions_with_plans(),
-    FLOORS,
-    BUDGETS,
+    st.sampled_from([0.0, 0.02, 0.2, 1.0]),
     st.sampled_from([-1, 20, 10**6]),
     st.integers(0, 9),
 )
-def test_every_plan_that_enters_is_valid_and_has_the_bits_of_evaluate(
-    case, floor, budget, patience, seed
+def test_children_are_appraised_right_and_what_enters_is_valid_and_has_the_bits_of_evaluate(
+    case, move, floor, budget, full_up_to, prob_recreate, patience, seed
 ):
-    """Whatever makes it: moves, changes of other robots once the search is stuck, recreation."""
+    """Of moves, of changes of other robots once the search is stuck, and of recreation.
+
+    One-way missions, safe arcs, nodes without reward; paths known from all nodes or few.
+    """
     mission, plan = case
-    with plain_local_search() as patch:
-        for module, name, value in (
-            (plans, "PATIENCE", patience),
-            (search, "MAX_FRUITLESS", 50),
-            (recreate, "P_WALK", 0.5),
-            (recreate, "N_WALK", 2),
-            (state, "QUEUE", 2),
-        ):
-            patch.setattr(module, name, value)
-        entering = note_entering(patch)
-        limits = {"min_survival": floor, "max_length": budget}
-        found = started(mission, [plan], seed=seed, prob_recreate=0.2, **limits)
-        n_given = found.version
-        if len(found):
-            found.run(80)
+    rule = {
+        "moves": DEFAULT_MOVES if move == "all" else {move: 1.0},
+        "prob_recreate": prob_recreate,
+    }
+    limits = {"min_survival": floor, "max_length": budget}
+    known = [(module, "FULL_UP_TO", full_up_to) for module in (state, engine)]
+    walks = [(recreate, "P_WALK", 0.5), (recreate, "N_WALK", 2), (plans, "PATIENCE", patience)]
+    others = [(state, "NEAR", 2), (state, "QUEUE", 2)]
+    constants = [*known, *walks, *others]
+    found, made, entering = watched(mission, [plan], 70, *constants, seed=seed, **rule, **limits)
+    for child in made:
+        child.check()
     assert len(entering) == found.version
-    assert found.statistics["entered"].sum() == found.version - n_given
-    for plan, objectives in entering:
-        assert mission.evaluate([plan])[0].tolist() == objectives
+    for entered, objectives in entering:
+        assert mission.evaluate([entered])[0].tolist() == objectives
     check(found, floor, budget)
 
 
 def test_small_chances_of_the_others_keep_their_digits():
     """Appraised in fractions: what the other robots bring must not drown what this one does."""
-    graph = nx.DiGraph((arc for node in (1, 2, 3) for arc in ((0, node), (node, 0))), robots=3)
-    nx.set_node_attributes(graph, {0: 0.0, 1: 2.0, 2: 3.0, 3: 5.0}, "reward")
-    nx.set_edge_attributes(graph, 1e-9, "survival")
-    mission = Mission(graph, base=0)
+    arcs = [(0, node, 1e-9) for node in (1, 2, 3)]
+    mission = mission_of(arcs, [0, 2, 3, 5], both_ways=True, robots=3)
     plan = TrailPlan([[0, 1, 0, 2, 0], [0, 1, 0], [0, 3, 0]])
     searches = (watched(mission, [plan], 500, prob_recreate=0.0, seed=seed) for seed in range(4))
-    appraised = [child for _, made in searches for child in made if child.gained >= 0]
+    appraised = [child for _, made, _ in searches for child in made if child.gained >= 0]
     assert len(appraised) >= 10
     for child in appraised:
         reward, _ = twins.exact_figures(mission, [*child.others, child.trail])
@@ -128,9 +98,6 @@ def slow(*case):
     return pytest.param(*case, marks=pytest.mark.slow)
 
 
-LARGER = ["drones_and_rovers", "art_museum_return"]
-
-
 def least_room(found, n_trails, n_arcs, n_visits):
     """A store with room for what one parent needs beside what is there, and no more."""
     n_new = max(N_TRAILS, found.mission.robots + 1)
@@ -140,7 +107,9 @@ def least_room(found, n_trails, n_arcs, n_visits):
 
 
 @pytest.mark.compiled_only
-@pytest.mark.parametrize("name", ["art_museum", *map(slow, LARGER)])
+@pytest.mark.parametrize(
+    "name", ["art_museum", slow("drones_and_rovers"), slow("art_museum_return")]
+)
 def test_where_plans_lie_in_memory_changes_nothing(monkeypatch, name):
     """Where room is scarce, and plans and trails are moved all the time, it finds the same."""
     mission, make_room, made = load_mission(name), LocalSearch._make_room, []
@@ -157,15 +126,10 @@ def test_where_plans_lie_in_memory_changes_nothing(monkeypatch, name):
     check(scarce)
 
 
-def one_way():
-    """A ring with chords: some nodes have more arcs in than out."""
-    rng, graph = np.random.default_rng(5), nx.DiGraph()
-    for node in range(9):
-        graph.add_node(node, reward=float(rng.integers(0, 4)))
-        graph.add_edge(node, (node + 1) % 9, survival=rng.uniform(0.8, 1.0))
-    for one, other in ((0, 4), (2, 0), (6, 2), (7, 4), (1, 4)):
-        graph.add_edge(one, other, survival=rng.uniform(0.8, 1.0))
-    return Mission(graph, base=0, robots=3)
+# A ring with chords: some nodes have more arcs in than out.
+RING = [(node, (node + 1) % 9, 0.97 - 0.02 * node) for node in range(9)]
+CHORDS = [(0, 4, 0.86), (2, 0, 0.93), (6, 2, 0.9), (7, 4, 0.84), (1, 4, 0.96)]
+ONE_WAY = mission_of(RING + CHORDS, [2, 3, 0, 1, 3, 0, 2, 1, 3], robots=3)
 
 
 @pytest.mark.parametrize(
@@ -173,7 +137,7 @@ def one_way():
     [
         (load_mission("art_museum"), 400, {"max_size": 12, "min_survival": 0.3}),
         slow(load_mission("terrain", nodes=30, robots=4), 300, {}),
-        (one_way(), 1_000, {"prob_recreate": 0.0}),
+        (ONE_WAY, 1_000, {"prob_recreate": 0.0}),
         slow(load_mission("drones_and_rovers"), 300, {"prob_recreate": 0.5}),
         slow(load_mission("art_museum_return"), 900, {"prob_recreate": 0.5}),
         slow(load_mission("two_communities"), 800, {"prob_recreate": 0.5, "max_length": 12.0}),
@@ -193,6 +157,7 @@ def test_plain_python_finds_the_same_to_the_bit(monkeypatch, mission, n_evaluati
         assert [plain.run(n) for n in parts] == spent == list(parts)
         assert outcome(plain) == outcome(compiled)
     assert len(compiled) > 5
+    check(compiled, rule.get("min_survival", 0.0), rule.get("max_length"))
 
 
 def test_children_find_room(monkeypatch):
@@ -200,18 +165,6 @@ def test_children_find_room(monkeypatch):
     monkeypatch.setattr(engine, "_FIRST_PLANS", 3)
     with plain_local_search():
         assert started(load_mission("toy")).run(2_500) == 2_500
-
-
-class TestDeclarations:
-    @pytest.mark.parametrize("n", [1, 2, N_MOVES + 1])
-    def test_one_is_called_by_its_number(self, monkeypatch, n):
-        called = [Move(f"move {i}", 1.0, lambda of, i: of.append(i), i) for i in range(n)]
-        monkeypatch.setattr(moves, "MOVES", called)
-        monkeypatch.setattr(moves, "N_MOVES", n)
-        make_move, made = moves._chained(0), []
-        for number in range(n):
-            make_move(made, number)
-        assert made == list(range(n))
 
 
 @pytest.fixture(scope="module")
@@ -242,45 +195,52 @@ def test_moves_that_lead_nowhere_end_the_search():
 
 
 class TestByHand:
-    """One robot, and all children that it can have."""
+    """Nodes 1 to 3 round the base; 1 and 2 are neighbours; the richest trail is in front."""
 
-    def made(self, mission, trail, move):
-        """The children of one trail, whatever else is found."""
+    MISSION = mission_of(
+        [(*arc, 0.9) for arc in ((0, 1), (0, 2), (0, 3), (1, 2))],
+        range(4),
+        both_ways=True,
+        robots=1,
+    )
+
+    def made(self, trail, move):
+        """All children that one robot's trail can have, whatever else is found."""
         constants, seen = [(plans, "P_NEWEST", 0.0), (search, "P_END", 1.0)], set()
-        options = {"moves": {move: 1.0}, "prob_recreate": 0.0, "constants": constants}
+        rule = {"moves": {move: 1.0}, "prob_recreate": 0.0}
         for seed in range(9):
-            _, made = watched(mission, [TrailPlan([trail])], 100, seed=seed, **options)
-            seen |= {child.trail for child in made if child.parent == tuple(trail)}
+            start = [TrailPlan([trail])]
+            _, made, _ = watched(self.MISSION, start, 100, *constants, seed=seed, **rule)
+            seen |= {child.trail for child in made if child.parent == trail}
         return seen
 
-    @pytest.fixture
-    def mission(self):
-        """Nodes 1 to 3 round the base; 1 and 2 are neighbours; the richest trail is in front."""
-        graph = nx.DiGraph()
-        graph.add_nodes_from((node, {"reward": float(node)}) for node in range(4))
-        for one, other in ((0, 1), (0, 2), (0, 3), (1, 2)):
-            graph.add_edge(one, other, survival=0.9)
-            graph.add_edge(other, one, survival=0.9)
-        return Mission(graph, base=0, robots=1)
+    @pytest.mark.parametrize(
+        ("move", "trail", "children"),
+        [
+            (
+                "shortcut",
+                (0, 3, 0, 2, 1, 0),
+                [(0,), (0, 2, 1, 0), (0, 3, 0), (0, 3, 0, 1, 0), (0, 3, 0, 2, 0), (0, 1, 0)],
+            ),
+            # The order by which 3 comes first is the best, and is the parent.
+            ("swap-loops", (0, 3, 0, 2, 0, 1, 0), [(0, 2, 0, 3, 0, 1, 0), (0, 3, 0, 1, 0, 2, 0)]),
+        ],
+    )
+    def test_all_children(self, move, trail, children):
+        assert self.made(trail, move) == {*children}
 
-    def test_shortcut(self, mission):
-        found = self.made(mission, (0, 3, 0, 2, 1, 0), "shortcut")
-        assert found == {(0,), (0, 2, 1, 0), (0, 3, 0), (0, 3, 0, 1, 0), (0, 3, 0, 2, 0), (0, 1, 0)}
-
-    def test_swap_loops(self, mission):
-        # Loops: 1, 2 and 3; the order by which 3 comes first is the best, and is the parent.
-        found = self.made(mission, (0, 3, 0, 2, 0, 1, 0), "swap-loops")
-        assert found == {(0, 2, 0, 3, 0, 1, 0), (0, 3, 0, 1, 0, 2, 0)}
-
-    def test_adopt(self, mission):
-        start = [TrailPlan([[0, 3, 0], [0, 2, 0]])]
-        options = {"moves": {"adopt": 1.0}, "prob_recreate": 0.0}
-        search, _ = watched(mission.with_robots(2), start, 50, **options)
-        found = {tuple(sorted(plan.trails)) for plan in search.plans()[0]}
-        assert found == {((0,), (0,)), ((0,), (0, 3, 0)), ((0, 2, 0), (0, 3, 0))}
-
-    def test_visit(self, mission):
-        found = self.made(mission, (0, 3, 0), "visit")
+    def test_visit(self):
+        found = self.made((0, 3, 0), "visit")
         # Before it and behind it; in its place; and on the way back from it.
         assert {(0, 1, 0), (0, 2, 0), (0, 1, 0, 3, 0), (0, 3, 0, 2, 0)} <= found
         assert all(len(trail) <= 5 for trail in found)
+
+    def test_adopt(self):
+        start = [TrailPlan([[0, 3, 0], [0, 2, 0]])]
+        rule = {"moves": {"adopt": 1.0}, "prob_recreate": 0.0}
+        found = watched(self.MISSION.with_robots(2), start, 50, **rule)[0].plans()[0]
+        assert {plan.trails for plan in found} == {
+            ((0,), (0,)),
+            ((0,), (0, 3, 0)),
+            ((0, 2, 0), (0, 3, 0)),
+        }

@@ -8,22 +8,15 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from botohe_moo import Mission, load_mission
+from botohe_moo import load_mission
 from botohe_moo.algorithms.local_search.kernels import plans, state
-from botohe_moo.algorithms.local_search.kernels.state import (
-    FAR,
-    N_CHILDREN,
-    N_TRAILS,
-    NOT_STORED,
-    TOLERANCE,
-    UNKNOWN,
-)
-from botohe_moo.core.world import aboard_at, aboard_of
+from botohe_moo.algorithms.local_search.kernels.state import N_CHILDREN, N_TRAILS, NOT_STORED
 from tests import twins
 from tests.algorithms.local_search.made import check_clean, unstarted, write_child
-from tests.core.test_paths import whole_graph
+from tests.core.test_paths import best_ways, whole_graph
 from tests.examples import examples
 from tests.strategies import (
+    mission_of,
     missions,
     missions_with_plans,
     team_missions,
@@ -38,40 +31,23 @@ def plain():
         yield
 
 
-def fork():
-    """The base, node 1 with a reward, and node 2 without any."""
-    graph = nx.DiGraph(robots=1)
-    graph.add_nodes_from((node, {"reward": reward}) for node, reward in enumerate([7.0, 2.0, 0.0]))
-    for node, survival, length in ((1, 0.5, 2.0), (2, 0.8, 1.0)):
-        for arc in ((0, node), (node, 0)):
-            graph.add_edge(*arc, survival=survival, length=length)
-    return Mission(graph, base=0)
-
-
 @pytest.mark.parametrize("robots", [1, N_TRAILS, N_TRAILS + 7])
 def test_there_is_room_for_what_one_parent_needs(robots):
     """Of plans, trails, arcs and visits; for a team that is large, a whole new plan is more."""
-    search = unstarted(fork().with_robots(robots))
-    n_trails = max(N_TRAILS, robots + 1)
-    least = n_trails, n_trails * 4, n_trails * 3  # of a mission of 4 arcs and 3 nodes
-    search._front.n.spare = N_CHILDREN + 1
-    search._store = state.new_store(*least)
-    assert state.has_room(search.parts)
-    for i in range(3):
-        search._store = state.new_store(*(n - (i == j) for j, n in enumerate(least)))
-        assert not state.has_room(search.parts)
-    search._store = state.new_store(*least)
-    search._front.n.spare -= 1
-    assert not state.has_room(search.parts)
-    search._front.n.spare += 1
-    search._store.n.visits = 1
-    assert not state.has_room(search.parts)
+    mission = mission_of([(0, 1, 0.5), (0, 2, 0.8)], [7, 2, 0], both_ways=True, robots=robots)
+    search, n_trails = unstarted(mission), max(N_TRAILS, robots + 1)
 
+    def has_room(plans=0, trails=0, arcs=0, visits=0, stored=0):
+        """Whether there is, with so much less than is needed, and so many visits stored."""
+        search._front.n.spare = N_CHILDREN + 1 - plans
+        n_arcs, n_visits = 4 * n_trails - arcs, 3 * n_trails - visits
+        search._store = state.new_store(n_trails - trails, n_arcs, n_visits)
+        search._store.n.visits = stored
+        return state.has_room(search.parts)
 
-def distances_to(mission, goal):
-    """Cost of the safest path from each node from which there is one."""
-    backwards = whole_graph(mission).reverse()
-    return nx.single_source_dijkstra_path_length(backwards, goal, weight="cost")
+    assert has_room()
+    for less in ("plans", "trails", "arcs", "visits", "stored"):
+        assert not has_room(**{less: 1})
 
 
 def find_routes(world, per_length=0.0):
@@ -80,10 +56,11 @@ def find_routes(world, per_length=0.0):
 
 def assert_routes(mission, routes, goal, n_known):
     """Whether a row leads to its goal, as safely as possible, from the nodes nearest to it."""
-    graph, safest = mission.world.graph, distances_to(mission, goal)
+    graph, backwards = mission.world.graph, whole_graph(mission).reverse()
+    safest = nx.single_source_dijkstra_path_length(backwards, goal, weight="cost")
     assert routes.n_known[goal] == n_known
     entries = [state.route_entry(routes, goal, node) for node in range(graph.n_nodes)]
-    known = {node: entry for node, entry in enumerate(entries) if entry != UNKNOWN}
+    known = {node: entry for node, entry in enumerate(entries) if entry != state.UNKNOWN}
     assert len(known) == min(n_known, len(safest))
     farthest = max(safest[node] for node in known)
     assert all(safest[node] >= farthest - 1e-9 for node in safest.keys() - known.keys())
@@ -100,39 +77,20 @@ def assert_routes(mission, routes, goal, n_known):
         assert cost == pytest.approx(safest[node], rel=1e-12, abs=1e-12)
 
 
-@examples(60)
-@given(missions(min_nodes=1, max_nodes=9) | team_missions())
-def test_rows_hold_the_safest_paths_from_all_nodes(mission):
-    routes = find_routes(mission.world)
-    for goal in range(mission.world.graph.n_nodes):
-        assert_routes(mission, routes, goal, mission.world.graph.n_nodes)
-
-
-@examples(60)
-@given(missions(min_nodes=4, max_nodes=9), st.integers(1, 4))
-def test_on_larger_missions_rows_are_truncated(mission, near):
-    graph = mission.world.graph
+@examples(120)
+@given(missions(min_nodes=4, max_nodes=9) | team_missions(), st.integers(1, 4), st.booleans())
+def test_rows_hold_the_safest_paths_and_on_larger_missions_those_from_near_nodes(
+    mission, near, is_larger
+):
+    n_nodes = mission.world.graph.n_nodes
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(state, "FULL_UP_TO", 3)
+        patch.setattr(state, "FULL_UP_TO", 0 if is_larger else 1_000)
         patch.setattr(state, "NEAR", near)
         routes = find_routes(mission.world)
-    assert routes.entries.shape == (graph.n_nodes, near)
-    assert routes.leaving.size == 0
-    for goal in range(graph.n_nodes):
+    near = min(near, n_nodes) if is_larger else n_nodes
+    assert (routes.entries.shape, routes.leaving.size == 0) == ((n_nodes, near), is_larger)
+    for goal in range(n_nodes):
         assert_routes(mission, routes, goal, near)
-
-
-def ways(graph, source, target, limit):
-    """Lengths of all simple paths that cost at most so much."""
-    if source == target:
-        return [0.0]
-    found = nx.all_simple_edge_paths(graph, source, target)
-    labelled = [[graph.edges[arc] for arc in path] for path in found]
-    return [
-        sum(arc["length"] for arc in path)
-        for path in labelled
-        if sum(arc["cost"] for arc in path) <= limit
-    ]
 
 
 @examples(60)
@@ -156,88 +114,19 @@ def test_costs_and_lengths_of_the_cheapest_paths_there_and_back(mission, per_len
                 ((node, other), routes.leaving, routes.leaving_length),
                 ((other, node), routes.coming, routes.coming_length),
             ):
-                least = costs[there[0]].get(there[1], FAR)
+                least = costs[there[0]].get(there[1], state.FAR)
                 assert found[node, other] == pytest.approx(least, rel=1e-12, abs=1e-12)
                 if per_length is None:
                     assert lengths.size == 0
-                elif least < FAR:
-                    possible = ways(graph, *there, least * (1 + 1e-9) + 1e-9)
+                elif least < state.FAR:
+                    ways = best_ways(graph, *there, "cost")
+                    possible = [nx.path_weight(graph, way, "length") for way in ways]
                     length = pytest.approx(lengths[node, other], rel=1e-9, abs=1e-9)
-                    assert any(way == length for way in possible)
+                    assert any(each == length for each in possible)
 
 
 def add(search, nodes, robot=0):
     return plans.add_trail(search.parts, robot, write_child(search, nodes))
-
-
-class Laid:
-    """What the search notes of each position of a trail, straight from the formulas."""
-
-    def __init__(self, mission, kind, nodes):
-        self.mission, self.kind = mission, kind
-        self.trail = [mission.nodes[node % len(mission.nodes)] for node in nodes]
-        self.reward = dict(mission.graph.nodes(data="reward"))
-
-    def brings(self, trail, aboard):
-        """What a robot brings that carries some rewards; of those aboard no other counts."""
-        chances = twins.collects(self.mission, self.kind, trail, aboard)
-        # The reward of its start counts as collected there, whether it is aboard or not.
-        taken = set(self.kind.aboard) - {*aboard, self.trail[0]}
-        return sum(self.reward[node] * p for node, p in chances.items() if node not in taken)
-
-    def at(self, i):
-        """What lies ahead, what is banked and what is carried, and the chance to bring that."""
-        before, after = self.trail[: i + 1], self.trail[i + 1 :]
-        alive = twins.alive_along(self.mission, self.kind, self.trail)
-        ahead = alive[i + 1] / alive[i] * self.brings(after, ()) if after else 0.0
-        banked = dict(twins.credited(self.mission, before, self.kind.aboard))
-        nodes = self.mission.graph.nodes
-        carried = sum(
-            self.reward[v] * twins.share_of(self.mission, self.kind, v)
-            for v in {*before, *self.kind.aboard} - set(banked)
-        )
-        depots = [j for j, v in enumerate(self.trail) if v == 0 or nodes[v].get("depot")]
-        to_depot = next((alive[j] / alive[i] for j in depots if j > i), 0.0)
-        return [ahead, self.brings(before, self.kind.aboard), carried, to_depot]
-
-
-@examples(120)
-@given(missions_with_plans(max_robots=2) | team_missions_with_plans())
-def test_what_lies_ahead(case):
-    """What a robot with empty hands would collect that is sure to be at each position.
-
-    And what it has collected and carries there, and the chance to bring that to a depot. What it
-    carries from the start is worth nothing on the way.
-    """
-    mission, plan = case
-    search = unstarted(mission, max_length=np.inf)
-    world, store, work = search.world, search._store, search._work
-    returns = world.returns
-    for robot, nodes in enumerate(plan.trails):
-        trail, work.draft.robot = add(search, nodes, robot), robot
-        if trail == NOT_STORED:  # it does not keep the limits of its kind
-            continue
-        work.draft.layer = world.team.start[robot] - world.team.origin[world.team.start[robot]]
-        work.draft.carried = 0.0
-        plans._load(world, work)
-        plans.lay_out(world, returns, store, work, trail)
-        laid_out = Laid(mission, mission.kind_of[robot], nodes)
-        for i, step in enumerate(work.steps[: len(nodes)]):
-            found = [step.ahead, step.gained]
-            if returns is not None:
-                found += [work.loads[i].carried, work.loads[i].to_depot]
-            expected = laid_out.at(i)[: len(found)]
-            assert found == pytest.approx(expected, rel=1e-12, abs=1e-14)
-            assert step.node == nodes[i]
-            assert step.alive == pytest.approx(twins.survival_of(mission, nodes[: i + 1]))
-            assert step.walked == pytest.approx(twins.length_of(mission, nodes[: i + 1]))
-        first, stop = aboard_of(returns, robot)
-        aboard = [aboard_at(returns, work.draft.layer, i) for i in range(first, stop)]
-        assert not work.nodes["marginal"][aboard].any()
-        assert {v: int(work.nodes[v].met) for v in nodes} == {v: nodes.index(v) for v in nodes}
-        plans.clear_trail(work)
-        plans.clear_others(world, work)
-    check_clean(search)
 
 
 @examples(120)
@@ -274,36 +163,13 @@ def test_marginal_rewards_are_what_the_others_leave(case, data):
     check_clean(search)
 
 
-@examples(200)
-@given(missions_with_plans(min_nodes=1, max_robots=5) | team_missions_with_plans(), st.randoms())
-def test_objectives_have_the_bits_of_evaluate(case, random):
-    mission, plan = case
-    search = unstarted(mission, max_length=np.inf)
-    robots, nodes = list(range(mission.robots)), plan.trails
-    random.shuffle(robots)
-    stored = {robot: add(search, nodes[robot], robot) for robot in robots}
-    assume(NOT_STORED not in stored.values())
-    search._work.trails[:] = [stored[robot] for robot in sorted(robots, key=nodes.__getitem__)]
-    for _ in range(2):
-        objectives = plans.evaluate_trails(search.world, search._store, search._work)
-        assert list(objectives) == mission.evaluate([plan])[0].tolist()
-
-
+@pytest.mark.parametrize("tolerance", [state.TOLERANCE, 0.0])
 @pytest.mark.parametrize(
-    ("more_reward", "more_survivors", "tolerance", "enters"),
-    [
-        (1e-13, 0.0, TOLERANCE, False),
-        (0.0, 1e-13, TOLERANCE, False),
-        (1e-13, 0.0, 0.0, True),
-        (0.0, 1e-13, 0.0, True),
-        (1e-11, 0.0, TOLERANCE, True),
-        (0.0, 1e-11, TOLERANCE, True),
-        (-1e-11, 1e-11, TOLERANCE, True),
-    ],
+    ("more_reward", "more_survivors"), [(1e-13, 0.0), (0.0, 1e-13), (1e-11, 0.0), (-1e-11, 1e-11)]
 )
-def test_what_is_better_by_rounding_alone(more_reward, more_survivors, tolerance, enters):
+def test_what_is_better_by_rounding_alone(more_reward, more_survivors, tolerance):
     """A plan that enters takes the place of one that is better by rounding."""
-    search = unstarted(load_mission("toy"))
+    search, enters = unstarted(load_mission("toy")), max(more_reward, more_survivors) > tolerance
     trails, store, front = np.array([add(search, (0,))] * 2), search._store, search._front
     assert plans._insert(store, front, trails, 3.0, 2.0, tolerance)
     reward, survivors = 3.0 * (1 + more_reward), 2.0 * (1 + more_survivors)
