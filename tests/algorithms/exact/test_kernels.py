@@ -9,29 +9,26 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo.algorithms.exact import kernels as labelling
-from botohe_moo.algorithms.exact import kernels as teams
+from botohe_moo.algorithms.exact import kernels
 from botohe_moo.algorithms.exact.front import TrailSearch, without_base_reward
 from botohe_moo.core.ordered import best_reward, grow_front, insert, new_front, read_front
 from botohe_moo.core.world import CHECKING
-from botohe_moo.mission import Mission
+from tests.core.test_paths import whole_graph
 from tests.examples import examples
-from tests.strategies import lengths, missions, small_missions, trails
-from tests.twins import all_trails, arc_survivals, length_of, survival_of, within
+from tests.strategies import lengths, mission_of, missions, small_missions, trails
+from tests.twins import all_trails, length_of, survival_of, within
 
 
-def goals_of(mission):
-    reward, base = mission.rewards, mission.index(mission.base)
-    return [v for v in range(len(reward)) if reward[v] > 0 and v != base]
-
-
-def figures_of(mission, trail):
-    """Probability to reach each goal, and to survive."""
-    reached = [
-        survival_of(mission, trail[: trail.index(goal) + 1]) if goal in trail else 0.0
-        for goal in goals_of(mission)
-    ]
-    return [*reached, survival_of(mission, trail)]
+def figures_of(mission, trails):
+    """Probability to reach each goal, and to survive; of a single robot its reward instead."""
+    goals = [v for v, r in enumerate(mission.rewards) if r > 0 and v != mission.index(mission.base)]
+    reward, reached = mission.rewards[goals], np.zeros((len(trails), len(goals)))
+    for row, trail in zip(reached, trails, strict=True):
+        alive = {v: survival_of(mission, trail[: trail.index(v) + 1]) for v in trail}
+        row[:] = [alive.get(goal, 0.0) for goal in goals]
+    if mission.robots == 1:
+        reached = reached @ reward / (reward.sum() or 1.0)
+    return np.column_stack([reached, [survival_of(mission, trail) for trail in trails]])
 
 
 def search_for(mission, least=0.0, longest=inf):
@@ -52,56 +49,34 @@ def covers(some, others):
     return (some[:, None] + CHECKING >= others).all(axis=2).any(axis=0).all()
 
 
-class TestLookingAround:
-    @examples(150)
-    @given(st.data(), missions(max_nodes=6, lengths=lengths), st.sampled_from([inf, 8.0, 3.0, 0.0]))
-    def test_ways_and_arcs_of_no_use(self, data, mission, longest):
-        trail = data.draw(trails(mission))
-        partial = trail[: data.draw(st.integers(1, len(trail)))]
-        search = search_for(mission, longest=longest)
-        graph, search = mission.world.graph, search._search
-        labels, new = search.labels, search.progress[0].n_labels
-        arcs = list(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))
-        used = set(pairwise(partial))
-        search.used[:] = [ends in used for ends in arcs]
-        labels.rows[new].length, labels.rows[new].node = length_of(mission, partial), partial[-1]
-        with np.errstate(all="ignore"):
-            labelling.look_around(search)
-        left = nx.DiGraph(arc for arc in arcs if arc not in used)
-        left.add_nodes_from(range(graph.n_nodes))
-        if longest < inf:
-            left.remove_edges_from(list(arcs_too_far(mission, left, partial, longest)))
-        survival = arc_survivals(mission)
-        for u, v in left.edges:
-            left.edges[u, v]["cost"] = -np.log(survival[u, v])
-        costs = nx.single_source_dijkstra_path_length(left, partial[-1], weight="cost")
-        for node in range(graph.n_nodes):
-            expected = np.exp(-costs[node]) if node in costs else 0.0
-            assert search.reach[node] == pytest.approx(expected, rel=1e-9)
-        base = mission.index(mission.base)
-        homeward = {base, *nx.ancestors(left, base)}
-        for arc, (tail, head) in enumerate(arcs):
-            useful = (tail, head) in left.edges and tail in costs and head in homeward
-            assert labelling.has(labels.used[new], arc) == search.used[arc] == (not useful)
-
-
-def arcs_too_far(mission, left, partial, longest):
-    """The arcs that are left over which a partial trail cannot get home within a budget."""
-    every = nx.DiGraph()
-    every.add_nodes_from(left)
-    graph, base = mission.world.graph, mission.index(mission.base)
-    for tail, head, length in zip(graph.tail, graph.head, graph.length, strict=True):
-        every.add_edge(int(tail), int(head), length=length)
-    home = nx.single_source_dijkstra_path_length(every.reverse(), base, weight="length")
-    ahead = nx.DiGraph()
-    ahead.add_nodes_from(left)
-    ahead.add_edges_from((arc[0], arc[1], every.edges[arc]) for arc in left.edges)
-    to = nx.single_source_dijkstra_path_length(ahead, partial[-1], weight="length")
-    for tail, head in left.edges:
-        onward = every.edges[tail, head]["length"] + home[head]
-        least = length_of(mission, partial) + to.get(tail, inf) + onward
-        if least > longest * (1 + CHECKING):
-            yield tail, head
+@examples(150)
+@given(st.data(), missions(max_nodes=6, lengths=lengths), st.sampled_from([inf, 8.0, 3.0, 0.0]))
+def test_ways_and_arcs_of_no_use(data, mission, longest):
+    """Used ones, those too far for the travel budget, and those that lead nowhere."""
+    trail = data.draw(trails(mission))
+    partial = trail[: data.draw(st.integers(1, len(trail)))]
+    search, graph = search_for(mission, longest=longest)._search, mission.world.graph
+    labels, new = search.labels, search.progress[0].n_labels
+    arcs = list(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))
+    search.used[:] = [ends in set(pairwise(partial)) for ends in arcs]
+    walked = labels.rows[new].length = length_of(mission, partial)
+    labels.rows[new].node = partial[-1]
+    with np.errstate(all="ignore"):
+        kernels.look_around(search)
+    free, base = whole_graph(mission), mission.index(mission.base)
+    home = nx.single_source_dijkstra_path_length(free.reverse(), base, weight="length")
+    free.remove_edges_from(list(pairwise(partial)))
+    there = nx.single_source_dijkstra_path_length(free, partial[-1], weight="length")
+    for u, v, length in list(free.edges(data="length")):
+        if walked + there.get(u, inf) + length + home[v] > longest * (1 + CHECKING):
+            free.remove_edge(u, v)
+    costs = nx.single_source_dijkstra_path_length(free, partial[-1], weight="cost")
+    expected = [np.exp(-costs.get(node, inf)) for node in range(graph.n_nodes)]
+    assert search.reach == pytest.approx(expected, rel=1e-9)
+    homeward = {base, *nx.ancestors(free, base)}
+    for arc, (tail, head) in enumerate(arcs):
+        useful = free.has_edge(tail, head) and tail in costs and head in homeward
+        assert kernels.has(labels.used[new], arc) == search.used[arc] == (not useful)
 
 
 @st.composite
@@ -111,86 +86,52 @@ def forked_missions(draw):
     The best way home within a budget is often neither the safest nor the shortest one. Gives the
     mission, all its trails and a budget.
     """
-    graph = nx.DiGraph(base=0, robots=1)
-    for stage, reward in enumerate([0.0, 1.0, draw(st.sampled_from([0.0, 0.0, 2.0]))]):
-        graph.add_node(stage, reward=reward)
-        for way in range(draw(st.integers(2, 3))):
-            length = draw(st.floats(0.0, 3.0))
+    arcs, rewards = [], [0.0, 1.0, draw(st.sampled_from([0.0, 0.0, 2.0]))]
+    for stage in range(3):
+        for _ in range(draw(st.integers(2, 3))):
+            length, way = draw(st.floats(0.0, 3.0)), len(rewards)
+            rewards.append(0.0)
             survival = draw(st.sampled_from([0.4, 0.5])) + length / 6
-            graph.add_edge(stage, (stage, way), survival=survival, length=length)
-            graph.add_edge((stage, way), (stage + 1) % 3, survival=1.0, length=0.0)
-    nx.set_node_attributes(graph, {v: 0.0 for v in graph if isinstance(v, tuple)}, "reward")
-    mission = Mission(graph)
+            arcs += [(stage, way, survival, length), (way, (stage + 1) % 3, 1.0, 0.0)]
+    mission = mission_of(arcs, rewards, robots=1)
     every = all_trails(mission)
     length = length_of(mission, draw(st.sampled_from(every)))
     return mission, every, length * (1 + CHECKING)
 
 
-class TestTrails:
-    @examples(150)
-    @given(
-        small_missions(max_trails=1000, lengths=lengths),
-        st.sampled_from([0.0, 0.3, 0.81]),
-        st.sampled_from([inf, 9.0, 5.0, 2.0]),
-    )
-    def test_a_team_finds_all_it_may_need(self, case, least, longest):
-        mission, every = case
-        mission = mission.with_robots(2)
-        found = found_trails(search_for(mission, least, longest))
-        kept = within(mission, every, least, longest)
-        rows = np.array([figures_of(mission, trail) for trail in kept])
-        assert covers(found, rows)
-        assert covers(rows, found)
-        better = (found[:, None] >= found).all(axis=2)
-        assert not (better & (found[:, None] > found + CHECKING).any(axis=2)).any()
-        assert (np.diff(found[:, -1]) <= 0).all()
-
-    @examples(150)
-    @given(
-        small_missions(max_trails=1000, lengths=lengths),
-        st.sampled_from([0.0, 0.3, 0.81]),
-        st.sampled_from([inf, 9.0, 5.0, 2.0]),
-    )
-    def test_a_single_robot_finds_its_front(self, case, least, longest):
-        mission, every = case
-        self.check_single(mission.with_robots(1), every, least, longest)
-
-    @examples(200)
-    @given(forked_missions(), st.sampled_from([0.0, 0.1]))
-    def test_ways_home_that_compromise_are_found(self, case, least):
-        mission, every, longest = case
-        self.check_single(mission, every, least, longest)
-
-    def check_single(self, mission, every, least, longest):
-        found = found_trails(search_for(mission, least, longest))
-        kept = within(mission, every, least, longest)
-        rows = np.array([figures_of(mission, trail) for trail in kept])
-        reward = mission.rewards[goals_of(mission)]
-        share = rows[:, :-1] @ reward / (reward.sum() or 1.0)
-        rows = np.column_stack([share, rows[:, -1]])
-        assert covers(found, rows)
-        assert covers(rows, found)
+def check_trails(mission, every, least, longest):
+    """Whether all are found that a robot or a team may need, no others, and what they are."""
+    search = search_for(mission, least, longest)
+    found = found_trails(search)
+    named = [tuple(search.trail(row)) for row in range(len(found))]
+    rounded = least * (1 - CHECKING), longest * (1 + CHECKING)
+    assert {*named} <= {*within(mission, every, *rounded)}
+    assert found == pytest.approx(figures_of(mission, named), rel=1e-9, abs=1e-12)
+    needed = figures_of(mission, within(mission, every, least, longest))
+    assert covers(found, needed)
+    assert covers(needed, found)
+    better = (found[:, None] >= found).all(axis=2)
+    assert not (better & (found[:, None] > found + CHECKING).any(axis=2)).any()
+    assert (np.diff(found[:, -1]) <= 0).all()
 
 
-class TestTrailsAsNodes:
-    @examples(50)
-    @given(
-        small_missions(max_trails=200, lengths=lengths),
-        st.sampled_from([1, 2]),
-        st.sampled_from([inf, 4.0]),
-    )
-    def test_trails_are_what_the_table_says(self, case, robots, longest):
-        mission, every = case
-        every = within(mission, every, 0.0, longest * (1 + CHECKING))
-        search = search_for(mission.with_robots(robots), longest=longest)
-        found = found_trails(search)
-        for row, figures in enumerate(found):
-            trail = tuple(search.trail(row))
-            assert trail in every
-            expected = figures_of(mission, trail)
-            assert figures[-1] == pytest.approx(expected[-1])
-            if robots == 2:
-                assert figures == pytest.approx(expected)
+@examples(250)
+@given(
+    small_missions(max_trails=1000, lengths=lengths),
+    st.sampled_from([1, 2]),
+    st.sampled_from([0.0, 0.3, 0.81]),
+    st.sampled_from([inf, 9.0, 5.0, 2.0]),
+)
+def test_all_trails_are_found_that_may_be_needed(case, robots, least, longest):
+    mission, every = case
+    check_trails(mission.with_robots(robots), every, least, longest)
+
+
+@examples(200)
+@given(forked_missions(), st.sampled_from([0.0, 0.1]))
+def test_ways_home_that_compromise_are_found(case, least):
+    mission, every, longest = case
+    check_trails(mission, every, least, longest)
 
 
 @st.composite
@@ -222,9 +163,9 @@ class TestTeams:
     def test_every_team_is_covered(self, pool, n_looks):
         reached, survives, reward, n_robots = pool
         slack = 1e-13 * np.array([reward.sum(), n_robots])
-        choices = teams.new_choices(survives, reached, reward, slack, n_robots)
+        choices = kernels.new_choices(survives, reached, reward, slack, n_robots)
         front = new_front(1, n_robots)
-        while not teams.choose_teams(choices, front, n_looks, most_reward=False):
+        while not kernels.choose_teams(choices, front, n_looks, most_reward=False):
             if front.n.spare == 0:
                 front = grow_front(front, 2 * len(front.plan))
         slots, found = read_front(front)
@@ -244,11 +185,11 @@ class TestTeams:
         reached, survives, reward, n_robots = pool
         least = min(least, n_robots * survives[-1])
         height = share * reward.sum()
-        choices = teams.new_choices(survives, reached, reward, np.zeros(2), n_robots)
+        choices = kernels.new_choices(survives, reached, reward, np.zeros(2), n_robots)
         front = new_front(3, n_robots)
         insert(front, inf, least * (1 - CHECKING) - 1e-300)
         insert(front, height, inf)
-        assert teams.choose_teams(choices, front, 10**6, most_reward=True)
+        assert kernels.choose_teams(choices, front, 10**6, most_reward=True)
         every = np.array(list(every_team(*pool)))
         best = every[every[:, 1] >= least * (1 - 1e-11), 0].max(initial=height)
         strict = every[every[:, 1] >= least, 0].max(initial=height)

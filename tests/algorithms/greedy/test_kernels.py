@@ -14,30 +14,22 @@ from botohe_moo.algorithms.greedy import kernels
 from botohe_moo.algorithms.greedy.kernels import BeamRule, new_beam
 from botohe_moo.core.paths import find_near, new_near
 from botohe_moo.mission import Kind, Mission, load_mission
+from tests.core.test_paths import whole_graph
 from tests.examples import examples
-from tests.strategies import missions, team_missions
+from tests.strategies import lengths, mission_of, missions, team_missions
 from tests.twins import alike, all_trails, arc_survivals, ends_of, length_of, survival_of, within
 
 WIDE = 100_000
 
 
 def best_trail(
-    mission,
-    worth,
-    survival_weight,
-    least=0.0,
-    width=WIDE,
-    *,
-    longest=inf,
-    n_near=64,
-    max_labels=kernels.MAX_LABELS,
-    robot=0,
+    mission, worth, survival_weight, limits=(0.0, inf), width=WIDE, *, n_near=64, robot=0, **options
 ):
     """The trail as nodes, its value, and whether the beam was cut."""
-    world, (start, end) = alike(mission, least, longest), ends_of(mission, robot)
+    world, (start, end) = alike(mission, *limits), ends_of(mission, robot)
     graph, worth = world.graph, np.array(worth, np.float64)
     rule = BeamRule(robot, world.n_robots + robot, worth, survival_weight, width)
-    beam = new_beam(world, width, max_labels)
+    beam = new_beam(world, width, options.get("max_labels", kernels.MAX_LABELS))
     n, value, cut = kernels.best_trail(world, new_near(graph.n_nodes, n_near), rule, beam)
     if n > 0:
         arcs = beam.trail[:n]
@@ -57,136 +49,97 @@ def value_of(mission, trail, worth, survival_weight):
     return collected + survival_weight * survival_of(mission, trail)
 
 
-def has_simple_prefixes(mission, trail, every, least, longest):
+def is_sure(mission, trail, every, limits):
     """Whether a trail survives a beam for sure: any way home from its nodes keeps the limits."""
     return all(
-        within(mission, [other], least, longest) == [other]
+        within(mission, [other], *limits) == [other]
         for stop in range(1, len(trail))
         for other in every
         if other[:stop] == trail[:stop] and len(set(other[stop - 1 :])) == len(other) - stop + 1
     )
 
 
-@st.composite
-def tasks(draw, **options):
-    """A mission of few trails, all of them, and what nodes and surviving are worth."""
-    mission = draw(missions(min_nodes=1, max_nodes=6, **options))
-    found = all_trails(mission)
+@examples(400)
+@given(
+    missions(min_nodes=1, max_nodes=6, lengths=lengths) | team_missions(max_nodes=6, max_robots=1),
+    st.data(),
+    st.integers(1, 6),
+    st.sampled_from([0.0, 0.05, 0.3, 1.0]),
+    st.just(0.0) | st.floats(0.0, 1.0),
+    st.sampled_from([inf, inf, 3.0, 5.0]),
+)
+def test_a_wide_beam_finds_the_best_trail_within_limits(
+    mission, data, n_near, survival_weight, least, longest
+):
+    robot, limits = data.draw(st.integers(0, mission.robots - 1)), (least, longest)
+    found = all_trails(mission, 2_000, robot)
     assume(found is not None)
-    worth = [draw(st.one_of(st.just(0.0), st.floats(0.01, 1.0))) for _ in mission.nodes]
-    return mission, found, worth, draw(st.sampled_from([0.0, 0.05, 0.3, 1.0]))
+    values, n = st.just(0.0) | st.floats(0.01, 1.0), mission.world.graph.n_nodes
+    worth = data.draw(st.lists(values, min_size=n, max_size=n))
+    given = (mission, worth, survival_weight, limits)
+    trail, value, cut = best_trail(*given, n_near=n_near, robot=robot)
+    assert not cut
+    kept = within(mission, found, *limits)
+    sure = [t for t in kept if longest == inf or is_sure(mission, t, found, limits)]
+    best = max([value_of(mission, t, worth, survival_weight) for t in sure], default=-1.0)
+    assert value >= best - 1e-9 * abs(best)
+    if tuple(trail) in kept:
+        expected = value_of(mission, trail, worth, survival_weight)
+        assert value == pytest.approx(expected, rel=1e-9)
+    else:  # the safest way, which keeps no limits
+        assert value == -1.0 or survival_of(mission, trail) < least
+        assert not sure
 
 
-@st.composite
-def tasks_of_kinds(draw):
-    """A mission of kinds, a robot, all of its trails, and what nodes and surviving are worth."""
-    mission = draw(team_missions(max_nodes=6, max_robots=1))
-    robot = draw(st.integers(0, mission.robots - 1))
-    found = all_trails(mission, robot=robot)
-    assume(found is not None)
-    values = st.one_of(st.just(0.0), st.floats(0.01, 1.0))
-    worth = [draw(values) for _ in range(mission.world.graph.n_nodes)]
-    return mission, robot, found, worth, draw(st.sampled_from([0.0, 0.05, 0.3, 1.0]))
+def test_where_the_safest_way_is_too_long():
+    """It is worth most, by node 2; by 3 there is a shorter one."""
+    arcs = [(2, 1, 0.5), (0, 3, 0.5), (3, 1, 0.5), (0, 2, 1.0, 3.0), (0, 1, 0.375)]
+    mission = mission_of(arcs, [1] * 4, kinds=[Kind("drone", 1, end=1)])
+    found = [
+        best_trail(mission, [0.0, 0.0, 9.0, 2.0], 1.0, (0.0, longest))[:2]
+        for longest in (9.0, 2.0, 1.0, 0.5)
+    ]
+    assert found == [([0, 2, 1], 9.5), ([0, 3, 1], 1.25), ([0, 1], 0.375), ([0, 2, 1], -1.0)]
 
 
-class TestKinds:
-    @examples(150)
-    @given(tasks_of_kinds(), st.sampled_from([0.0, 0.2]), st.sampled_from([inf, inf, 3.0, 5.0]))
-    def test_a_wide_beam_finds_the_best_trail_from_start_to_end(self, task, least, longest):
-        mission, robot, found, worth, survival_weight = task
-        limits = {"least": least, "longest": longest, "robot": robot}
-        kept = within(mission, found, least, longest)
-        trail, value, cut = best_trail(mission, worth, survival_weight, **limits)
-        assert not cut
-        sure = kept
-        if longest < inf:
-            sure = [t for t in kept if has_simple_prefixes(mission, t, found, least, longest)]
-        best = max([value_of(mission, t, worth, survival_weight) for t in sure], default=-1.0)
-        assert value >= best - 1e-9 * abs(best)
-        if tuple(trail) in kept:
-            expected = value_of(mission, trail, worth, survival_weight)
-            assert value == pytest.approx(expected, rel=1e-9)
-        else:  # the safest way, which keeps no limits
-            assert value == -1.0 or survival_of(mission, trail) < least
-
-    def test_where_the_safest_way_is_too_long(self):
-        """It is worth most, by node 2; by 3 there is a shorter one."""
-        graph = nx.DiGraph()
-        graph.add_nodes_from(range(4), reward=1.0)
-        graph.add_edges_from([(2, 1), (0, 3), (3, 1), (0, 1)], survival=0.5)
-        graph.add_edge(0, 2, survival=1.0, length=3.0)
-        graph.add_edge(0, 1, survival=0.375)
-        mission = Mission(graph, base=0, kinds=[Kind("drone", 1, end=1)])
-        found = [
-            best_trail(mission, [0.0, 0.0, 9.0, 2.0], 1.0, longest=longest)[:2]
-            for longest in (9.0, 2.0, 1.0, 0.5)
-        ]
-        assert found == [([0, 2, 1], 9.5), ([0, 3, 1], 1.25), ([0, 1], 0.375), ([0, 2, 1], -1.0)]
+@pytest.mark.parametrize(
+    ("seed", "limits"),
+    [(0, (0.0, inf)), (1, (0.3, inf)), (2, (0.0, 9.0)), (3, (0.4, 14.0)), (4, (0.0, inf))],
+)
+def test_beams_that_are_too_narrow_find_what_the_twin_finds(seed, limits):
+    mission, cuts = random_mission(14, 45, seed), 0
+    worth = mission.rewards / mission.total_reward
+    for width in (1, 3, 10):
+        for survival_weight in (0.0, 0.2):
+            twin = Beam(mission, 5, worth, survival_weight, alike(mission, *limits), width)
+            trail, value, cut = best_trail(mission, worth, survival_weight, limits, width, n_near=5)
+            assert trail == twin.best_trail()
+            assert value == pytest.approx(twin.best_value, rel=1e-12)
+            assert cut == twin.cut
+            cuts += cut
+    assert cuts > 0
 
 
-class TestExact:
-    @examples(300)
-    @given(tasks(), st.integers(1, 6), st.one_of(st.just(0.0), st.floats(0.0, 1.0)))
-    def test_a_wide_beam_finds_the_best_trail_under_a_floor(self, task, n_near, least):
-        mission, found, worth, survival_weight = task
-        trail, value, cut = best_trail(mission, worth, survival_weight, least, n_near=n_near)
-        kept = [t for t in found if survival_of(mission, t) >= least]
-        best = max(value_of(mission, t, worth, survival_weight) for t in kept)
-        assert tuple(trail) in kept
-        assert value == pytest.approx(best, rel=1e-9)
-        assert value == pytest.approx(value_of(mission, trail, worth, survival_weight), rel=1e-12)
-        assert not cut
-
-
-class TestCut:
-    """Beams that are too narrow."""
-
-    @pytest.mark.parametrize(
-        ("seed", "least", "longest"),
-        [(0, 0.0, inf), (1, 0.3, inf), (2, 0.0, 9.0), (3, 0.4, 14.0), (4, 0.0, inf)],
-    )
-    def test_the_twin_finds_the_same(self, seed, least, longest):
-        mission = random_mission(14, 45, seed)
-        worth = mission.rewards / mission.total_reward
-        cuts = 0
-        for width in (1, 3, 10):
-            for survival_weight in (0.0, 0.2):
-                world = alike(mission, least, longest)
-                twin = Beam(mission, 5, worth, survival_weight, world, width)
-                trail, value, cut = best_trail(
-                    mission, worth, survival_weight, least, width, longest=longest, n_near=5
-                )
-                assert trail == twin.best_trail()
-                assert value == pytest.approx(twin.best_value, rel=1e-12)
-                assert cut == twin.cut
-                cuts += cut
-        assert cuts > 0
-
-    def test_labels_come_to_an_end(self):
-        museum = load_mission("art_museum")
-        worth = museum.rewards / museum.total_reward
-        _, value, _ = best_trail(museum, worth, 0.0, width=100)
-        trail, less, cut = best_trail(museum, worth, 0.0, width=100, max_labels=300)
-        assert cut
-        assert 0 < less < value
-        museum.with_robots(1).plan([[museum.nodes[node] for node in trail]])
+def test_labels_come_to_an_end():
+    museum = load_mission("art_museum")
+    worth = museum.rewards / museum.total_reward
+    _, value, _ = best_trail(museum, worth, 0.0, width=100)
+    trail, less, cut = best_trail(museum, worth, 0.0, width=100, max_labels=300)
+    assert cut
+    assert 0 < less < value
+    museum.with_robots(1).plan([[museum.nodes[node] for node in trail]])
 
 
 def random_mission(n_nodes, n_arcs, seed):
     """One-way, with no two paths alike."""
     rng = np.random.default_rng(seed)
-    graph = nx.DiGraph(base=0, robots=1)
-    for node in range(n_nodes):
-        graph.add_node(node, reward=rng.uniform(0, 1) if node % 3 else 0.0)
-    nx.add_cycle(graph, rng.permutation(n_nodes).tolist())
-    while graph.number_of_edges() < n_arcs:
-        tail, head = rng.integers(n_nodes, size=2).tolist()
-        if tail != head:
-            graph.add_edge(tail, head)
-    for arc in graph.edges:
-        graph.edges[arc]["survival"] = rng.uniform(0.8, 1.0)
-        graph.edges[arc]["length"] = np.random.default_rng([seed, *arc]).uniform(0.5, 2.0)
-    return Mission(graph)
+    cycle = rng.permutation(n_nodes).tolist()
+    ends = set(zip(cycle, cycle[1:] + cycle[:1], strict=True))
+    while len(ends) < n_arcs:
+        ends.add(tuple(rng.choice(n_nodes, 2, replace=False).tolist()))
+    arcs = [(*arc, rng.uniform(0.8, 1.0), rng.uniform(0.5, 2.0)) for arc in sorted(ends)]
+    rewards = [rng.uniform(0, 1) if node % 3 else 0.0 for node in range(n_nodes)]
+    return mission_of(arcs, rewards, robots=1)
 
 
 class Beam:
@@ -216,17 +169,12 @@ class Beam:
 
         None where neither keeps the limits.
         """
-        graph = nx.DiGraph()
-        graph.add_nodes_from(range(len(self.mission.nodes)))
-        used = set(pairwise(trail))
-        for arc, survival in self.survival.items():
-            if arc not in used:
-                length = length_of(self.mission, arc)
-                graph.add_edge(*arc, cost=-np.log(survival), length=length)
-        if not nx.has_path(graph, trail[-1], self.base):
+        free = whole_graph(self.mission)
+        free.remove_edges_from(list(pairwise(trail)))
+        if not nx.has_path(free, trail[-1], self.base):
             return None
         for weight in ("cost", "length"):
-            way = nx.dijkstra_path(graph, trail[-1], self.base, weight=weight)
+            way = nx.dijkstra_path(free, trail[-1], self.base, weight=weight)
             if within(self.mission, [closed := trail + tuple(way[1:])], self.least, self.longest):
                 return closed
         return None
