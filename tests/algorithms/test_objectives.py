@@ -48,7 +48,6 @@ class ThreeForPymoo(Three):
         out["F"] = np.column_stack([out["F"], longest(self, self.mission.batch(x))])
 
 
-SLOW = [pytest.param(Three, marks=pytest.mark.slow)]
 HONOURED = {
     Hasty: set(EVERY) - IN_KERNELS,
     Three: set(EVERY) - IN_KERNELS - DIRECTED,
@@ -109,16 +108,6 @@ class Broken(BOTOHE):
         out["F"] = out["F"] * np.nan
 
 
-class Flat(BOTOHE):
-    def evaluate_batch(self, batch):
-        return super().evaluate_batch(batch)[:, 0]
-
-
-class Blind(BOTOHE):
-    def evaluate_batch(self, batch):
-        return -np.ones((len(batch), 2))
-
-
 class Uncounted(BOTOHE):
     """Has a constraint that it does not count."""
 
@@ -138,6 +127,10 @@ def changed(**attributes):
     return problem
 
 
+FLAT = changed(evaluate_batch=lambda batch: np.ones(len(batch)))
+BLIND = changed(evaluate_batch=lambda batch: np.ones((len(batch), 2)))
+
+
 def from_trails(*trails, kind=BOACO):
     return kind(sampling=[TrailPlan(trails)])
 
@@ -146,13 +139,13 @@ def from_trails(*trails, kind=BOACO):
     ("problem", "algorithm", "said"),
     [
         (Broken(TOY), "nsga2", "Expected _evaluate of Broken to give finite F"),
-        (Flat(TOY), "bo-aco", r"Flat to give F of shape \(20, 2\), got \(20,\)"),
+        (FLAT, "bo-aco", r"BOTOHE to give F of shape \(20, 2\), got \(20,\)"),
         (Uncounted(TOY), "bo-aco", "Uncounted.*(n_ieq_constr = 0|beside those of super)"),
         (Uncounted(TOY), "nsga2", "Uncounted.*(n_ieq_constr = 0|beside those of super)"),
         (changed(n_obj=1), "nsga2", "PlanNSGA2 .* of two objectives or more, and BOTOHE has 1"),
         (changed(n_eq_constr=1), "bo-aco", "without equality constraints, which BOACO would ign"),
         (BOTOHE(TOY), Listed(), r"Plan 0: expected a TrailPlan, got 1; mission\.plan"),
-        (Blind(TOY), from_trails([0, 10**6, 0], [0]), "position 1: node index 1000000 is unknown"),
+        (BLIND, from_trails([0, 10**6, 0], [0]), "position 1: node index 1000000 is unknown"),
         (BOTOHE(TOY), from_trails([0, 4, 0], [0]), "Robot 0, position 1: arc 1 -> 5 is missing"),
         (BOTOHE(TOY), from_trails([0], [0], [0]), "expected 2 trails, got 3"),
         (BOTOHE(TOY), from_trails([0, 0], [0], kind=ParetoLocalSearch), "Robot 0, position 1: arc"),

@@ -17,24 +17,20 @@ SMALL = {
     "simulated-annealing": {"steps_per_generation": 20},
     SEARCHING: {"n_ants": 10, "local_search": 0.5, "local_search_evaluations": 4},
 }
-LIMITS = {"min_survival": 0.3, "max_length": 6.0}
 ALL = (*NAMES, *DOTTED, SEARCHING)
+TOY = load_mission("toy")
+PROBLEMS = {
+    "plain": BOTOHE(TOY),
+    "limits": BOTOHE(TOY, min_survival=0.3, max_length=6.0),
+    "kinds": BOTOHE(Mission(TOY.graph, kinds=[Kind("drone", 1, start=2), Kind("rover", 1)])),
+    "return": BOTOHE(Mission(TOY.graph, pays="return")),
+}
 CASES = [
     pytest.param(name, mission, marks=pytest.mark.slow if mission in ("plain", "return") else ())
     for name in ALL
-    for mission in ("plain", "limits", "kinds", "return")
+    for mission in PROBLEMS
     if name != "exact" or mission in ("plain", "limits")
 ]
-
-
-def problem(mission):
-    toy = load_mission("toy")
-    if mission == "kinds":
-        kinds = [Kind("drone", 1, start=2), Kind("rover", 1)]
-        return BOTOHE(Mission(toy.graph, base=toy.base, kinds=kinds))
-    if mission == "return":
-        return BOTOHE(Mission(toy.graph, base=toy.base, robots=2, pays="return"))
-    return BOTOHE(toy, **(LIMITS if mission == "limits" else {}))
 
 
 def front_of(name, mission, n_interpreted):
@@ -42,7 +38,7 @@ def front_of(name, mission, n_interpreted):
     algorithm = make_algorithm(
         "bo-aco" if name == SEARCHING else name, **SMALL.get(name, {"pop_size": 10})
     )
-    algorithm.setup(problem(mission), termination=("n_eval", 60), seed=1)
+    algorithm.setup(PROBLEMS[mission], termination=("n_eval", 60), seed=1)
     generation = 0
     while algorithm.has_next():
         with kernels("interpreted" if generation < n_interpreted else "compiled"):

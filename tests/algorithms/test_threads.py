@@ -21,7 +21,6 @@ NAMES = [
 ]
 ENGINES = ["bo-aco", "nsga2", "pareto-local-search"]  # one for each way to share work
 EVALUATIONS = 700
-ISLANDS = {"pareto-local-search": {"n_islands": 4}}
 
 
 @pytest.fixture(autouse=True)
@@ -45,7 +44,8 @@ def test_large_missions_have_much_to_share(name, monkeypatch):
 
 
 def begun(name, n_threads, mission="art_museum"):
-    algorithm = make_algorithm(name, **ISLANDS.get(name, {}), n_threads=n_threads)
+    islands = {"n_islands": 4} if name == "pareto-local-search" else {}
+    algorithm = make_algorithm(name, **islands, n_threads=n_threads)
     problem = BOTOHE(load_mission(mission))
     return algorithm.setup(problem, termination=("n_eval", EVALUATIONS), seed=3)
 
@@ -91,19 +91,14 @@ def test_in_a_forked_process(name):
         assert pool.submit(finished_with, name, 2).result() == here
 
 
-class TestProcessors:
-    @pytest.mark.parametrize(
-        ("files", "expected"),
-        [
-            ({}, 6),
-            ({"cpu.max": "max 100000"}, 6),
-            ({"cpu.max": "250000 100000"}, 3),
-            ({"cpu.max": "10000 100000"}, 1),
-            ({"cpu.max": "900000 100000"}, 6),
-        ],
-    )
-    def test_those_of_the_affinity_within_the_quota(self, tmp_path, monkeypatch, files, expected):
-        monkeypatch.setattr(runtime.os, "sched_getaffinity", lambda _: set(range(6)), raising=False)
-        for name, text in files.items():
-            (tmp_path / name).write_text(f"{text}\n")
-        assert runtime.n_cpus(tmp_path) == expected
+@pytest.mark.parametrize(
+    ("quota", "expected"),
+    [(None, 6), ("max 100000", 6), ("250000 100000", 3), ("10000 100000", 1), ("900000 100000", 6)],
+)
+def test_processors_are_those_of_the_affinity_within_the_quota(
+    tmp_path, monkeypatch, quota, expected
+):
+    monkeypatch.setattr(runtime.os, "sched_getaffinity", lambda _: set(range(6)), raising=False)
+    if quota:
+        (tmp_path / "cpu.max").write_text(f"{quota}\n")
+    assert runtime.n_cpus(tmp_path) == expected
