@@ -1,7 +1,5 @@
 """The front in order against a sorted list, in plain Python."""
 
-from bisect import bisect_left, bisect_right
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -20,63 +18,36 @@ def no_warnings():
 
 
 class Pair:
-    """A front of numbered plans, and its twin: lists by ascending E[S]."""
+    """A front of numbered plans, and its twin: (E[S], E[R], number) by ascending E[S]."""
 
     def __init__(self, n_slots):
-        self.front, self.n = kernels.new_front(n_slots, 1), 0
-        self.survivors, self.rewards, self.numbers = [], [], []
+        self.front, self.n, self.held = kernels.new_front(n_slots, 1), 0, []
 
     def enter(self, reward, survivors):
         """Put a plan into both, unless there is one as good."""
         entered = kernels.best_reward(self.front, survivors) < reward
-        assert entered == self._enter_list(reward, survivors, self.n)
+        assert entered == all(r < reward or s < survivors for s, r, _ in self.held)
         if entered:
             slot = kernels.insert(self.front, reward, survivors)
             self.front.plan[slot] = self.n
             assert self.front.slots[slot].serial == self.front.n.entered - 1
             assert self.front.slots[slot].tried == 0
+            better = [plan for plan in self.held if plan[0] > survivors or plan[1] > reward]
+            self.held = sorted([*better, (survivors, reward, self.n)])
         self.n += 1
-
-    def _enter_list(self, reward, survivors, number):
-        as_safe = bisect_left(self.survivors, survivors)
-        if as_safe < len(self.rewards) and self.rewards[as_safe] >= reward:
-            return False
-        at = bisect_right(self.survivors, survivors)
-        while at > 0 and self.rewards[at - 1] <= reward:
-            at -= 1
-            self._leave(at)
-        for held, value in zip(self.lists, (survivors, reward, number), strict=True):
-            held.insert(at, value)
-        return True
 
     def remove(self, index):
         """Take the plan at an index out of both."""
         slot = kernels.remove_place(self.front, index)
-        assert self.front.plan[slot, 0] == self.numbers[index]
-        self._leave(index)
-
-    def _leave(self, index):
-        for held in self.lists:
-            del held[index]
-
-    @property
-    def lists(self):
-        return self.survivors, self.rewards, self.numbers
-
-    def read(self):
-        slots, objectives = kernels.read_front(self.front)
-        assert len(slots) == len(objectives) == self.front.n.plans
-        return slots, objectives
+        assert self.front.plan[slot, 0] == self.held.pop(index)[2]
 
     def check(self):
         """Whether both hold the same, and nothing is lost in between."""
-        front, (slots, objectives) = self.front, self.read()
-        assert objectives.tolist() == list(
-            map(list, zip(self.rewards, self.survivors, strict=True))
-        )
-        assert front.plan[slots, 0].tolist() == self.numbers
-        slots = slots.tolist()
-        spare = front.members[front.n.plans :].tolist()
+        front, (slots, objectives) = self.front, kernels.read_front(self.front)
+        found = zip(*objectives.T[::-1].tolist(), front.plan[slots, 0].tolist(), strict=True)
+        assert list(found) == self.held
+        assert front.n.plans == len(self.held)
+        slots, spare = slots.tolist(), front.members[front.n.plans :].tolist()
         assert sorted([*slots, *spare]) == list(range(len(front.slots)))
         assert front.n.spare == len(spare)
         held = front.slots[slots]
@@ -86,12 +57,12 @@ class Pair:
         assert len(set(held["serial"].tolist())) == len(slots)
 
     def check_finding(self, survivors):
-        index = bisect_left(self.survivors, survivors)
+        index = sum(s < survivors for s, _, _ in self.held)
         assert kernels.find_place(self.front, survivors) == index
-        best = self.rewards[index] if index < len(self.rewards) else -1.0
+        best = self.held[index][1] if index < len(self.held) else -1.0
         assert kernels.best_reward(self.front, survivors) == best
-        if self.numbers:  # or else the safest
-            near = min(index, len(self.numbers) - 1)
+        if self.held:  # or else the safest
+            near = min(index, len(self.held) - 1)
             assert kernels.nearest_place(self.front, survivors) == near
 
     def check_neighbours(self):
@@ -99,9 +70,11 @@ class Pair:
 
         At an end it is a neighbour of itself.
         """
-        rewards, survivors = (np.pad(column, 1, "edge") for column in self.lists[1::-1])
+        if not self.held:
+            return
+        survivors, rewards, _ = (np.pad(column, 1, "edge") for column in np.transpose(self.held))
         less, more = rewards[:-2] - rewards[2:], survivors[2:] - survivors[:-2]
-        places = range(len(self.numbers))
+        places = range(len(self.held))
         found = [kernels.slope_at(self.front, place) for place in places]
         assert found == (less / np.where(more > 0, more, 1.0) * (more > 0)).tolist()
         areas = less * more
@@ -121,8 +94,8 @@ def test_few_plans_with_many_ties(plans, data):
         pair.check_finding(survivors + 0.5)
         pair.check_neighbours()
     pair.check()
-    while pair.numbers:
-        pair.remove(data.draw(st.integers(0, len(pair.numbers) - 1)))
+    while pair.held:
+        pair.remove(data.draw(st.integers(0, len(pair.held) - 1)))
         pair.check()
 
 
@@ -134,17 +107,16 @@ def test_thousands_of_plans_come_and_go(noise):
     most = 0
     for share_entering in (1.0, 0.8, 0.1, 0.7, 0.0):
         for _ in range(800):
-            if rng.random() < share_entering and len(pair.numbers) < 1_500:
+            if rng.random() < share_entering and len(pair.held) < 1_500:
                 survivors = rng.random()
                 pair.enter(1.0 - survivors + noise * rng.random(), survivors)
-            elif pair.numbers:
-                pair.remove(int(rng.integers(len(pair.numbers))))
+            elif pair.held:
+                pair.remove(int(rng.integers(len(pair.held))))
         pair.check()
-        for survivors in (*rng.random(20), *pair.survivors[::200], 0.0, 1.0):
+        for survivors in (*rng.random(20), *(s for s, _, _ in pair.held[::200]), 0.0, 1.0):
             pair.check_finding(survivors)
-        if pair.numbers:
-            pair.check_neighbours()
-            most = max(most, len(pair.numbers))
+        pair.check_neighbours()
+        most = max(most, len(pair.held))
     assert most > (640 if noise < 0.01 else 64)
 
 
@@ -165,10 +137,10 @@ def shuffled(n):
         for i in rng.permutation(n).tolist():
             pair.enter(float(n - i), float(i))
         for index in rng.permutation(n)[: n // 3]:
-            pair.remove(int(index) % len(pair.numbers))
+            pair.remove(int(index) % len(pair.held))
     for i in range(n):
         pair.enter(float(n - i), float(i))
-    assert pair.survivors == list(range(n))
+    assert [survivors for survivors, _, _ in pair.held] == list(range(n))
     return pair
 
 
@@ -207,16 +179,16 @@ def test_a_larger_front_holds_the_same_and_goes_on(n):
     for _ in range(n):
         survivors = rng.random()
         pair.enter(1.0 - survivors, survivors)
-    for index in rng.permutation(len(pair.numbers))[: n // 3]:
-        pair.remove(int(index) % len(pair.numbers))
-    slots = pair.read()[0]
+    for index in rng.permutation(len(pair.held))[: n // 3]:
+        pair.remove(int(index) % len(pair.held))
+    slots = kernels.read_front(pair.front)[0]
     pair.front.slots["tried"][slots] = rng.integers(0, 9, len(slots))
     expected = pair.front.slots[["serial", "tried"]][slots].tolist()
     drawn_from = pair.front.plan[pair.front.members[: len(slots)], 0].tolist()
     pair.front = kernels.grow_front(pair.front, 605)
     assert len(pair.front.slots) == 605
     pair.check()
-    slots, front = pair.read()[0], pair.front
+    slots, front = kernels.read_front(pair.front)[0], pair.front
     assert front.slots[["serial", "tried"]][slots].tolist() == expected
     assert front.plan[front.members[: len(slots)], 0].tolist() == drawn_from
     assert front.n.entered == n

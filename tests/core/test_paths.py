@@ -38,7 +38,7 @@ def free_graph(mission, used):
 
 
 def whole_graph(mission):
-    return free_graph(mission, np.zeros(mission.world.graph.n_arcs, np.int64))
+    return free_graph(mission, np.zeros(mission.world.graph.n_arcs))
 
 
 def open_nodes(mission):
@@ -99,17 +99,16 @@ def test_searches_find_the_nearest_nodes_first(mission, data, backwards):
     free = free.reverse() if backwards else free
     costs = nx.single_source_dijkstra_path_length(free, source, weight="cost")
     assert n == min(n_most, len(costs))
-    found = scratch.order[:n]
-    assert len(set(found.tolist())) == n
-    assert scratch.distance[found] == pytest.approx(sorted(costs.values())[:n])
-    assert [costs[node] for node in found.tolist()] == pytest.approx(sorted(costs.values())[:n])
-    for node in found.tolist():
+    found = scratch.order[:n].tolist()
+    assert len({*found}) == n
+    expected = pytest.approx(sorted(costs.values())[:n])
+    assert scratch.distance[found].tolist() == expected
+    assert [costs[node] for node in found] == expected
+    for node in found:
         arc = scratch.entry[node]
-        if node == source:
-            assert arc == -1
-        else:
-            ends = (graph.tail[arc], graph.head[arc])
-            assert ends[0 if backwards else 1] == node
+        assert (arc == -1) == (node == source)
+        if arc >= 0:
+            assert (graph.tail[arc], graph.head[arc])[0 if backwards else 1] == node
             assert used[arc] != USED
 
 
@@ -128,11 +127,8 @@ def test_the_nearest_nodes_are_those_that_are_safest_to_reach(mission, n_near):
         assert len({*found[:n], node}) == n + 1
         assert found[n:] == [node] * (len(found) - n)
         assert not reach[n:].any()
-        to_found = np.exp([-costs[other] for other in found[:n]])
-        assert reach[:n] == pytest.approx(to_found, rel=1e-12)
-        assert reach[:n] == pytest.approx(
-            np.exp([-c for c in sorted(costs.values())[:n]]), rel=1e-12
-        )
+        for nearest in ([costs[other] for other in found[:n]], sorted(costs.values())[:n]):
+            assert reach[:n] == pytest.approx(np.exp(-np.array(nearest)), rel=1e-12)
 
 
 @examples(300)

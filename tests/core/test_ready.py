@@ -1,9 +1,7 @@
 """Kernels that run as plain Python until they are compiled, here or by another process."""
 
-import contextlib
 import io
 import os
-import pickle
 import subprocess
 import sys
 
@@ -17,7 +15,7 @@ pytestmark = pytest.mark.compiled_only
 
 
 class Process:
-    """A process that runs, but never compiles anything."""
+    """A process that runs, but never compiles anything; what is written to it is kept."""
 
     def __init__(self):
         self.running, self.stdin = True, io.BytesIO()
@@ -25,62 +23,49 @@ class Process:
     def poll(self):
         return None if self.running else 0
 
-    def tasks(self):
-        """The paths of kernels that it has been given."""
-        self.stdin.seek(0)
-        found = []
-        with contextlib.suppress(EOFError):
-            while True:
-                found.append(pickle.load(self.stdin)[0])
-        return found
-
 
 @pytest.fixture
 def elsewhere(monkeypatch):
     """The process that compiles, started when it is needed; nothing is on disk."""
-    process, started = Process(), []
+    process = Process()
+    process.started = []
     monkeypatch.setattr(ready, "_elsewhere", ready._Elsewhere())
-    monkeypatch.setattr(ready, "_start", lambda: started.append(process) or process)
+    monkeypatch.setattr(ready, "_start", lambda: process.started.append(1) or process)
     monkeypatch.setattr(ready, "n_cpus", lambda: 2)
     monkeypatch.setattr(ready, "can_keep", lambda _: True)
     monkeypatch.setattr(ready, "is_kept", lambda *_: False)
-    process.started = started
     return process
 
 
-def simple(seconds):
-    """A kernel that doubles; plain Python is said to take so many seconds for a call."""
+def simple(seconds=0.001, spent=None):
+    """A kernel that doubles; Python is said to take so many seconds for it, and spent some."""
 
     @at_once(lambda _: seconds)
     def double(x):
         return 2 * x
 
+    if spent is not None:
+        double._run, double._spent = ready._Run.number, spent
     return double
 
 
-def is_compiled(double):
-    return len(double.compiled.overloads) > 0
+def n_compiled(*kernels):
+    return sum(len(kernel.compiled.overloads) for kernel in kernels)
 
 
-@pytest.fixture
-def double():
-    """A kernel for which Python is said to take a millisecond a call, and took long before."""
-    found = simple(0.001)
-    found._run, found._spent = ready._Run.number, 1.0
-    return found
+def n_tasks(elsewhere):
+    """How many kernels the process has been given."""
+    return elsewhere.stdin.getvalue().count(b"simple.<locals>.double")
 
 
 class TestRule:
-    def test_short_calls_of_short_runs_are_interpreted(self, elsewhere):
-        double = simple(0.001)
+    @pytest.mark.parametrize(("seconds", "is_compiled"), [(0.001, False), (100.0, True)])
+    def test_a_long_call_is_compiled_at_once_and_short_ones_are_interpreted(
+        self, elsewhere, seconds, is_compiled
+    ):
+        double = simple(seconds)
         assert [double(i) for i in range(5)] == [0, 2, 4, 6, 8]
-        assert not is_compiled(double)
-        assert elsewhere.started == []
-
-    def test_a_long_call_is_compiled_at_once(self, elsewhere):
-        double = simple(100.0)
-        assert double(3) == 6
-        assert is_compiled(double)
+        assert n_compiled(double) == is_compiled
         assert elsewhere.started == []
 
     def test_a_long_call_waits_for_a_process_that_has_begun(self, elsewhere, monkeypatch):
@@ -90,66 +75,64 @@ class TestRule:
         monkeypatch.setattr(ready.time, "sleep", sleep)
         double = simple(100.0)
         prepare(double, 3)
-        assert elsewhere.tasks() == [f"{__name__}:simple.<locals>.double"]
+        assert n_tasks(elsewhere) == 1
         assert double(3) == 6
         assert not elsewhere.running
-        assert is_compiled(double)
+        assert n_compiled(double) == 1
 
-    def test_with_one_processor_it_is_compiled_here(self, elsewhere, monkeypatch, double):
+    def test_with_one_processor_it_is_compiled_here(self, elsewhere, monkeypatch):
         monkeypatch.setattr(ready, "n_cpus", lambda: 1)
+        double = simple(spent=1.0)
         with remaining(1_000.0):
             assert double(3) == 6
-        assert is_compiled(double)
+        assert n_compiled(double) == 1
         assert elsewhere.started == []
 
-    def test_python_goes_on_while_the_other_process_compiles(self, elsewhere, double):
-        other = simple(0.001)
-        other._run, other._spent = ready._Run.number, 1.0
+    def test_python_goes_on_while_the_other_process_compiles(self, elsewhere):
+        double, other = simple(spent=1.0), simple(spent=1.0)
         with remaining(2.0):
             double(0)
         assert elsewhere.started == []  # what the rest of the run would take decides
         with remaining(1_000.0):
             assert [double(1), double(2)] == [2, 4]
-            assert not is_compiled(double)
+            assert n_compiled(double) == 0
             assert other(0.5) == 1.0
-            assert is_compiled(other)  # the other process has no time for it
-            assert len(elsewhere.tasks()) == 1
+            assert n_compiled(other) == 1  # the other process has no time for it
+            assert n_tasks(elsewhere) == 1
             elsewhere.running = False
             assert double(3) == 6
-        assert is_compiled(double)
+        assert n_compiled(double) == 1
         assert len(elsewhere.started) == 1  # it is not tried again
 
     def test_it_begins_to_be_compiled_before_it_is_called(self, elsewhere):
-        double = simple(0.001)
-        prepare(double, 1)
-        prepare(double, 1)
-        prepare(simple(0.001), 1)
-        assert len(elsewhere.tasks()) == 1  # one at a time
+        double = simple()
+        for kernel in (double, double, simple()):
+            prepare(kernel, 1)
+        assert n_tasks(elsewhere) == 1  # one at a time
         assert double(1) == 2
-        assert not is_compiled(double)
+        assert n_compiled(double) == 0
 
-    def test_what_took_long_is_compiled_for_later_runs_if_anything_is(self, elsewhere, double):
+    def test_what_took_long_is_compiled_for_later_runs_if_anything_is(self, elsewhere):
+        double = simple(spent=1.0)
         double(1)
         assert elsewhere.started == []
-        prepare(simple(0.001), 0.5)
+        prepare(simple(), 0.5)
         for _ in range(3):
             double(1)
-        assert len(elsewhere.tasks()) == 2
+        assert n_tasks(elsewhere) == 2
 
     def test_modes(self, elsewhere):
-        double = simple(100.0)
+        long, short = simple(100.0), simple(0.0)
         with kernels("interpreted"):
-            double(1)
-        assert not is_compiled(double)
-        double = simple(0.0)
+            long(1)
         with kernels("compiled"):
-            double(1)
+            short(1)
             prepare(simple(0.0), 1)
-        assert is_compiled(double)
+        assert (n_compiled(long), n_compiled(short)) == (0, 1)
         assert elsewhere.started == []
         begin_run()
-        assert double(0.5) == 1.0  # other types are another matter
-        assert len(double.compiled.overloads) == 1
+        assert short(0.5) == 1.0  # other types are another matter
+        assert n_compiled(short) == 1
 
 
 def test_warnings_of_numpy_are_none_of_kernels():
@@ -177,12 +160,9 @@ print(misses, hits, found.objectives.tobytes().hex())
 
 def begin(folder, n_cpus, n_evaluations):
     """Begin to solve with machine code in a folder."""
-    return subprocess.Popen(
-        [sys.executable, "-c", COLD, str(n_cpus), str(n_evaluations)],
-        env={**os.environ, "NUMBA_CACHE_DIR": str(folder)},
-        stdout=subprocess.PIPE,
-        text=True,
-    )
+    command = [sys.executable, "-c", COLD, str(n_cpus), str(n_evaluations)]
+    env = {**os.environ, "NUMBA_CACHE_DIR": str(folder)}
+    return subprocess.Popen(command, env=env, stdout=subprocess.PIPE, text=True)
 
 
 def end(process):
@@ -191,21 +171,18 @@ def end(process):
     return int(misses), int(hits), front
 
 
-def cold(tmp_path, n_cpus, n_evaluations):
-    return end(begin(tmp_path / f"{n_cpus}-{n_evaluations}", n_cpus, n_evaluations))
-
-
 @pytest.mark.slow
 def test_the_other_process_compiles_what_this_one_loads(tmp_path):
-    misses, hits, front = cold(tmp_path, 2, 200_000)
+    alone, both = tmp_path / "alone", tmp_path / "both"
+    misses, hits, front = end(begin(alone, 2, 200_000))
     assert (misses, hits) == (0, 1)
-    assert cold(tmp_path, 2, 200_000) == (0, 1, front)  # from disk
+    assert end(begin(alone, 2, 200_000)) == (0, 1, front)  # from disk
     # Two at once compile into one folder.
-    processes = [begin(tmp_path / "both", n_cpus, 200_000) for n_cpus in (1, 2)]
+    processes = [begin(both, n_cpus, 200_000) for n_cpus in (1, 2)]
     assert [end(process)[2] for process in processes] == [front, front]
-    assert end(begin(tmp_path / "both", 1, 200_000)) == (0, 1, front)
+    assert end(begin(both, 1, 200_000)) == (0, 1, front)
 
 
 def test_a_short_run_compiles_nothing(tmp_path):
-    assert cold(tmp_path, 2, 100)[:2] == (0, 0)
+    assert end(begin(tmp_path, 2, 100))[:2] == (0, 0)
     assert not list(tmp_path.rglob("*.nbi"))

@@ -39,14 +39,16 @@ def test_the_graph(mission):
     pairs = list(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))
     assert pairs == sorted(pairs)
     for arc, (tail, head) in enumerate(pairs):
-        back = graph.reverse[arc]
-        assert (back >= 0) == ((head, tail) in pairs)
-        assert back < 0 or pairs[back] == (head, tail)
+        assert graph.reverse[arc] == (pairs.index((head, tail)) if (head, tail) in pairs else -1)
+        assert worlds.find_arc(graph, tail, head) == arc
     for node in range(graph.n_nodes):
         entering = graph.entering[graph.first_entering[node] : graph.first_entering[node + 1]]
         assert entering.tolist() == [arc for arc, (_, head) in enumerate(pairs) if head == node]
         if node not in open_nodes(mission):
             assert free.degree(node) == 0
+        heads = [head for tail, head in pairs if tail == node]
+        others = {*range(graph.n_nodes)} - {*heads}
+        assert {worlds.find_arc(graph, node, head) for head in others} <= {-1}
     degrees = [free.in_degree(node) == free.out_degree(node) for node in free]
     closed = [len(set(kind.ends(mission.base))) == 1 for kind in mission.kinds]
     assert graph.balanced == all(degrees + closed)
@@ -78,47 +80,34 @@ def test_each_kind_has_a_layer(mission):
             assert graph.reward[n * k + v] == mission.rewards[v] * share
 
 
-@examples(150)
+@examples(200)
 @given(
     missions(max_nodes=9, lengths=lengths) | team_missions(lengths=lengths),
     st.sampled_from([inf, 5.0]),
+    st.sampled_from([0.0, 0.0, 0.5, 3.0]),
 )
-def test_ways_to_the_ends(mission, longest):
-    """The safest ways, and with a travel budget the shortest."""
-    world = mission.world.with_limits(mission.limits(0.0, longest))
-    graph, free, ways = world.graph, whole_graph(mission), world.ways
-    shortest = ways.shortest
+def test_ways_to_the_ends(mission, longest, per_length):
+    """The safest ways, or the cheapest at other costs, and with a travel budget the shortest."""
+    usual = mission.world.with_limits(mission.limits(0.0, longest))
+    world = usual.with_costs(usual.graph.cost + per_length * usual.graph.length)
+    graph, free, shortest = world.graph, whole_graph(mission), world.ways.shortest
+    assert (shortest is usual.ways.shortest, world.limits is usual.limits) == (True, True)
     assert (shortest is None) == (not world.limits.has_budgets)
+    for _, _, arc in free.edges(data=True):
+        arc["cost"] += per_length * arc["length"]
     for node in open_nodes(mission):
         end = end_at(mission, node)
         cost = nx.dijkstra_path_length(free, node, end, weight="cost")
-        arcs = assert_ways(graph, ways.homeward, node, end)
-        assert ways.home[node] == pytest.approx(np.exp(-cost))
-        assert ways.home[node] == pytest.approx(graph.survival[arcs].prod())
+        for one in (world, usual) if per_length == 0.0 else (world,):
+            arcs = assert_ways(graph, one.ways.homeward, node, end)
+            assert graph.cost[arcs].sum() == pytest.approx(cost, abs=1e-12)
+            assert one.ways.home[node] == pytest.approx(graph.survival[arcs].prod())
         if shortest is not None:
             assert np.array_equal(shortest.graph.cost, graph.length)
             expected = nx.dijkstra_path_length(free, node, end, weight="length")
             arcs = assert_ways(graph, shortest.homeward, node, end)
             assert shortest.length[node] == pytest.approx(expected)
             assert graph.length[arcs].sum() == pytest.approx(expected)
-
-
-@examples(60)
-@given(missions(max_nodes=9, lengths=lengths), st.floats(0.0, 3.0))
-def test_other_costs_lead_other_ways(mission, per_length):
-    world, base = mission.limited(0.0, 5.0), mission.index(mission.base)
-    graph = world.graph
-    priced = world.with_costs(graph.cost + per_length * graph.length)
-    assert priced.ways.shortest is world.ways.shortest
-    assert priced.limits is world.limits
-    free = whole_graph(mission)
-    for _, _, arc in free.edges(data=True):
-        arc["cost"] += per_length * arc["length"]
-    for node in range(graph.n_nodes):
-        arcs = assert_ways(graph, priced.ways.homeward, node, base)
-        expected = nx.dijkstra_path_length(free, node, base, weight="cost")
-        assert priced.graph.cost[arcs].sum() == pytest.approx(expected, abs=1e-12)
-        assert priced.ways.home[node] == pytest.approx(graph.survival[arcs].prod())
 
 
 def rover_and_drones(**of_rover):
@@ -129,26 +118,29 @@ def rover_and_drones(**of_rover):
     return Mission(graph, base=0, kinds=[Kind("rover", 1, **of_rover), drone])
 
 
-def test_limits_are_by_robot():
-    mission = rover_and_drones()
-    for asked, floors, budgets in (
+@pytest.mark.parametrize(
+    ("asked", "floors", "budgets"),
+    [
         ((), [0.0, 0.5, 0.5], [inf, 7.0, 7.0]),
         ((0.6,), [0.6, 0.6, 0.6], [inf, 7.0, 7.0]),
         ((0.3, 9), [0.3, 0.5, 0.5], [9.0, 7.0, 7.0]),
         ((0.0, 4), [0.0, 0.5, 0.5], [4.0, 4.0, 4.0]),
-    ):
-        limits = mission.limits(*asked)
-        assert (limits.floors.tolist(), limits.budgets.tolist()) == (floors, budgets)
-        assert limits.has_budgets
-        assert limits.has_floors
-        loosened = limits.loosened(0.25)
-        assert loosened.floors.tolist() == [0.75 * floor for floor in floors]
-        assert loosened.budgets.tolist() == [1.25 * budget for budget in budgets]
-        limited = mission.limited(*asked)
-        by = worlds.PLANNING
-        assert limited.limits.floors.tolist() == limits.loosened(by).floors.tolist()
-        assert limited.limits.budgets.tolist() == limits.loosened(by).budgets.tolist()
-        assert limited.graph is mission.world.graph
+    ],
+)
+def test_limits_are_by_robot(asked, floors, budgets):
+    mission = rover_and_drones()
+    limits, limited = mission.limits(*asked), mission.limited(*asked)
+    assert (limits.floors.tolist(), limits.budgets.tolist()) == (floors, budgets)
+    assert (limits.has_budgets, limits.has_floors) == (True, True)
+    loosened = limits.loosened(0.25)
+    assert loosened.floors.tolist() == [0.75 * floor for floor in floors]
+    assert loosened.budgets.tolist() == [1.25 * budget for budget in budgets]
+    for found, expected in zip(limited.limits, limits.loosened(worlds.PLANNING), strict=True):
+        assert np.array_equal(found, expected)
+    assert limited.graph is mission.world.graph
+
+
+def test_without_limits_there_are_none_and_those_that_are_checked_are_wider_than_planned():
     free = load_mission("toy").limits()
     assert (free.has_floors, free.has_budgets) == (False, False)
     assert 0 < worlds.PLANNING < worlds.CHECKING
@@ -167,17 +159,6 @@ def test_ways_that_do_not_keep_the_limits_of_a_kind():
     for limits in ((0.9, 9), (0.0, 1.5)):
         [(robot, way)] = worlds.failing_ways(mission.limited(*limits))
         assert (robot, way.nodes) == (0, [1, 2, 0])
-
-
-@examples(200)
-@given(missions(max_nodes=30) | team_missions())
-def test_find_arc(mission):
-    graph = mission.world.graph
-    pairs = zip(graph.tail.tolist(), graph.head.tolist(), strict=True)
-    known = {pair: arc for arc, pair in enumerate(pairs)}
-    for tail in range(graph.n_nodes):
-        for head in range(graph.n_nodes):
-            assert worlds.find_arc(graph, tail, head) == known.get((tail, head), -1)
 
 
 @pytest.mark.parametrize("name", ["toy", "drones_and_rovers", "art_museum_return"])

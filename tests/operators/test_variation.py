@@ -13,14 +13,13 @@ from botohe_moo.operators import PenaltyOnly, RuinRecreate, ShareTrails, TrailSp
 from botohe_moo.trails import PlanBatch
 from tests.examples import examples
 from tests.strategies import plans, team_missions
-from tests.twins import ends_of
+from tests.twins import assert_frequencies, ends_of
 
 N = 6_000
 
 
-@pytest.fixture
-def toy():
-    return load_mission("toy")
+TOY = load_mission("toy")
+ALONE = TOY.with_robots(1)
 
 
 def crossed(crossover, mission, one, other, n=N):
@@ -40,16 +39,6 @@ def mutated(mutation, mission, plan, n=N):
     batch = PlanBatch.from_plans([mission.plan(plan)] * n, mission.robots)
     drafts = mutation._draft(mission, batch, np.random.default_rng(5))
     return Counter(tuple(sorted(mission.labels(draft))) for draft in drafts)
-
-
-def assert_frequencies(found, expected):
-    """Compare counts with probabilities, within four and a half standard deviations."""
-    n = sum(found.values())
-    assert sum(expected.values()) == pytest.approx(1)
-    assert set(found) <= set(expected)
-    for key, probability in expected.items():
-        deviation = 4.5 * np.sqrt(n * probability * (1 - probability)) + 1e-9
-        assert abs(found[key] - n * probability) <= deviation, key
 
 
 HOME, A, B, C = (1,), (1, 2, 1), (1, 3, 1), (1, 2, 4, 3, 1)
@@ -72,14 +61,13 @@ def test_robots_get_trails_of_their_kind(operator, mission, data):
 
 
 class TestSplice:
-    def test_children_swap_what_comes_after_a_shared_node(self, toy):
+    def test_children_swap_what_comes_after_a_shared_node(self):
         # The one robot of each that is out; both visit 2 once.
-        found = crossed(TrailSplice, toy, [HOME, C], [A, HOME])
+        found = crossed(TrailSplice, TOY, [HOME, C], [A, HOME])
         child, other = (HOME, A), (HOME, C)
         assert found == {(tuple(sorted(child)), tuple(sorted(other))): N}
 
-    def test_places_are_equally_likely(self, toy):
-        alone = toy.with_robots(1)
+    def test_places_are_equally_likely(self):
         mine, others = (1, 2, 4, 2, 1), (1, 3, 4, 2, 1)
         expected = Counter()
         places = [(i, j) for i, j in product((1, 2, 3), repeat=2) if mine[i] == others[j]]
@@ -87,47 +75,46 @@ class TestSplice:
         for i, j in places:
             first, second = mine[:i] + others[j:], others[:j] + mine[i:]
             expected[(first,), (second,)] += 1 / 3
-        assert_frequencies(crossed(TrailSplice, alone, [mine], [others]), expected)
+        assert_frequencies(crossed(TrailSplice, ALONE, [mine], [others]), expected)
 
-    def test_trails_that_share_no_node_change_places(self, toy):
-        found = crossed(TrailSplice, toy, [A, A], [B, HOME])
+    def test_trails_that_share_no_node_change_places(self):
+        found = crossed(TrailSplice, TOY, [A, A], [B, HOME])
         assert found == {(tuple(sorted((A, B))), tuple(sorted((A, HOME)))): N}
 
 
 class TestRuin:
-    def test_frequencies(self, toy):
-        alone = toy.with_robots(1)
+    def test_frequencies(self):
         trail = (1, 2, 1)
         expected = Counter()
         for i, j, n_via in product(range(3), range(3), range(2)):
             low, high = min(i, j), max(i, j)
             if n_via == 0 and high - low < 2:
                 n_via = 1
-            for node in alone.nodes if n_via else [None]:
+            for node in ALONE.nodes if n_via else [None]:
                 put_in = (node,) * n_via
-                weight = 1 / 18 / (len(alone.nodes) if n_via else 1)
+                weight = 1 / 18 / (len(ALONE.nodes) if n_via else 1)
                 expected[(trail[: low + 1] + put_in + trail[high:],)] += weight
-        assert_frequencies(mutated(RuinRecreate(max_via=1), alone, [trail], 20_000), expected)
+        assert_frequencies(mutated(RuinRecreate(max_via=1), ALONE, [trail], 20_000), expected)
 
-    def test_one_robot_is_changed_also_one_at_base(self, toy):
-        for draft in mutated(RuinRecreate(), toy, [A, B], 500):
+    def test_one_robot_is_changed_also_one_at_base(self):
+        for draft in mutated(RuinRecreate(), TOY, [A, B], 500):
             assert A in draft or B in draft
-        found = mutated(RuinRecreate(), toy, [HOME, HOME], 500)
+        found = mutated(RuinRecreate(), TOY, [HOME, HOME], 500)
         assert any(len(trail) == 4 for draft in found for trail in draft)
 
 
 class TestShare:
-    def test_who_is_out_is_copied(self, toy):
-        found = mutated(ShareTrails(prob_copy=1), toy, [A, B])
+    def test_who_is_out_is_copied(self):
+        found = mutated(ShareTrails(prob_copy=1), TOY, [A, B])
         assert_frequencies(found, {(A, A): 0.5, (B, B): 0.5})
-        assert mutated(ShareTrails(prob_copy=1), toy, [A, HOME], 50) == {(A, A): 50}
+        assert mutated(ShareTrails(prob_copy=1), TOY, [A, HOME], 50) == {(A, A): 50}
 
-    def test_copies_are_as_frequent_as_they_should_be(self, toy):
-        found = mutated(ShareTrails(prob_copy=0.3), toy, [A, B])
+    def test_copies_are_as_frequent_as_they_should_be(self):
+        found = mutated(ShareTrails(prob_copy=0.3), TOY, [A, B])
         n_copies = found[A, A] + found[B, B]
         assert_frequencies(Counter(copy=n_copies, swap=N - n_copies), {"copy": 0.3, "swap": 0.7})
 
-    def test_swaps_at_a_shared_node(self, toy):
+    def test_swaps_at_a_shared_node(self):
         one, other = (1, 2, 4, 3, 1), (1, 3, 4, 2, 1)
         # At 2, at 4, or at 3: what comes before in one, what comes after in the other.
         swaps = [
@@ -137,13 +124,13 @@ class TestShare:
         expected = Counter()
         for swap in swaps:
             expected[swap] += 1 / 3
-        assert_frequencies(mutated(ShareTrails(prob_copy=0), toy, [one, other]), expected)
+        assert_frequencies(mutated(ShareTrails(prob_copy=0), TOY, [one, other]), expected)
 
-    def test_swaps_anywhere_where_nothing_is_shared(self, toy):
+    def test_swaps_anywhere_where_nothing_is_shared(self):
         expected = Counter()
         for i, j in product(range(3), repeat=2):
             expected[tuple(sorted((A[:i] + B[j:], B[:j] + A[i:])))] += 1 / 9
-        assert_frequencies(mutated(ShareTrails(prob_copy=0), toy, [A, B]), expected)
+        assert_frequencies(mutated(ShareTrails(prob_copy=0), TOY, [A, B]), expected)
 
-    def test_a_single_robot_has_nobody_to_share_with(self, toy):
-        assert mutated(ShareTrails(), toy.with_robots(1), [A], 10) == {(A,): 10}
+    def test_a_single_robot_has_nobody_to_share_with(self):
+        assert mutated(ShareTrails(), ALONE, [A], 10) == {(A,): 10}

@@ -67,10 +67,8 @@ class OwnWay(Walks):
 
     def evaluate_plans(self, batch):
         self.evaluator.n_eval += len(batch)
+        batch = batch.take(np.flatnonzero((self.problem.constrain_batch(batch) <= 0).all(axis=1)))
         objectives = self.problem.mission.evaluate(batch)
-        if self.problem.n_ieq_constr:
-            fine = (self.problem.constrain_batch(batch) <= 0).all(axis=1)
-            batch, objectives = batch.take(np.flatnonzero(fine)), objectives[fine]
         return objectives, self.archive.insert(batch, objectives)
 
 
@@ -150,11 +148,10 @@ class BackTheSameWay(Walks):
 
     def walks(self, n):
         mission = self.problem.mission
-        graph, rng = mission.world.graph, self.random_state
-        base = mission.index(mission.base)
+        graph, base = mission.world.graph, mission.index(mission.base)
         there = graph.head[graph.first[base] : graph.first[base + 1]]
-        trails = [[base, int(node), base] for node in rng.choice(there, n * mission.robots)]
-        plans = [TrailPlan(trails[i::n]) for i in range(n)]
+        drawn = self.random_state.choice(there, (n, mission.robots)).tolist()
+        plans = [TrailPlan([[base, node, base] for node in nodes]) for nodes in drawn]
         return PlanBatch.from_plans(plans, mission.robots)
 
 

@@ -8,10 +8,9 @@ import pytest
 from botohe_moo import Mission
 from botohe_moo.testing import check_plugin, missions, parametrize_with_checks
 from botohe_moo.testing.rules import rules_of
+from tests.strategies import mission_of
 
 RULES = [rule.__name__ for rule in rules_of(missions)]
-
-
 NAMES = ("art_museum", "building", "complete", "lattice", "orienteering", "random", "town", "toy")
 
 
@@ -22,10 +21,8 @@ def test_conforms(name):
 
 def fork(*, seed: int = 0, robots: int = 2) -> Mission:
     """Conforming: a base, and two nodes, of which the seed makes one worth more."""
-    graph = nx.DiGraph([("base", "a"), ("a", "base"), ("base", "b"), ("b", "base")])
-    nx.set_node_attributes(graph, {"base": 0.0, "a": 1.0 + seed, "b": 2.0}, "reward")
-    nx.set_edge_attributes(graph, 0.9, "survival")
-    return Mission(graph, base="base", robots=robots)
+    rewards = [0.0, 1.0 + seed, 2.0]
+    return mission_of([(0, 1, 0.9), (0, 2, 0.9)], rewards, both_ways=True, robots=robots)
 
 
 @parametrize_with_checks([fork])
@@ -54,19 +51,15 @@ def another_each_time() -> Mission:
 
 
 def odd_labels() -> Mission:
-    graph = nx.relabel_nodes(fork().graph, {"a": frozenset("a")})
-    return Mission(graph, base="base", robots=2)
+    return Mission(nx.relabel_nodes(fork().graph, {1: frozenset("a")}), base=0, robots=2)
 
 
 def unpicklable() -> Mission:
-    graph = nx.DiGraph(fork().graph, made_by=lambda: None)
-    return Mission(graph, base="base", robots=2)
+    return Mission(nx.DiGraph(fork().graph, made_by=lambda: None), base=0, robots=2)
 
 
 def pointless() -> Mission:
-    graph = nx.DiGraph(fork().graph)
-    nx.set_node_attributes(graph, 0.0, "reward")
-    return Mission(graph, base="base", robots=2)
+    return mission_of([(0, 1, 0.9)], [0.0, 0.0], both_ways=True, robots=2)
 
 
 BROKEN = {

@@ -14,6 +14,9 @@ from tests.mission.test_underway import keeps_limits
 from tests.strategies import missions_with_plans, team_missions_with_plans
 from tests.underway.corner import MISSION, NUMBER, PLAN, PLAYED
 
+TOY = load_mission("toy")
+TOY_PLAN = TOY.plan([[1, 2, 4, 2, 1], [1, 3, 1]])
+
 
 @examples(40)
 @given(
@@ -25,25 +28,23 @@ def test_steps_are_consistent(case, policy, number):
     mission, plan = case
     assume(keeps_limits(mission, plan))
     played = play_mission(mission, plan, policy, price=1, number=number, evaluations=20)
-    start, *_ = played.steps
+    start, last = played.steps[0], played.steps[-1]
     assert (start.events, start.trails, set(start.at)) == ((), mission.labels(plan), {0})
     for before, after in pairwise(played.steps):
         moves = {event.robot: event for event in after.events}
         assert len(moves) == len(after.events) > 0
-        for robot, trail in enumerate(after.trails):
-            old, at, event = before.trails[robot], before.at[robot], moves.get(robot)
+        for robot, (trail, old) in enumerate(zip(after.trails, before.trails, strict=True)):
+            at, event = before.at[robot], moves.get(robot)
             moved = event is not None and event.what == "reached"
             assert after.at[robot] == at + moved
             assert trail[: at + 1 + moved] == old[: at + 1 + moved]
-            if event is not None:
-                assert event.node == old[at + 1]
+            assert event is None or event.node == old[at + 1]
             if robot in after.lost:
                 assert trail == old[: at + 2]
             elif after.replan is None:
                 assert trail == old
         if after.replan is not None:
             assert after.replan.left.banked == pytest.approx(after.reward)
-    last = played.steps[-1]
     assert last.reward == pytest.approx(played.reward)
     assert len(last.lost) == mission.robots - played.survivors
     assert len(played.table) == len(played.sentences) == len(played.steps)
@@ -86,28 +87,24 @@ class TestByHand:
         )
 
     def test_table(self):
-        table = PLAYED.table
-        assert table["reward"].tolist() == [0, 1, 1, 11, 11]
-        assert table["robots"].tolist() == [2, 1, 1, 1, 0]
-        assert table["lost"].tolist() == [0, 1, 0, 0, 1]
-        assert table.loc[table["replanned"], "reward_before":].to_numpy().tolist() == [
-            [0, 1, 5, 0.25]
-        ]
+        columns = PLAYED.table[["reward", "robots", "lost"]].to_numpy().T.tolist()
+        assert columns == [[0, 1, 1, 11, 11], [2, 1, 1, 1, 0], [0, 1, 0, 0, 1]]
+        [replanned] = PLAYED.table[PLAYED.table["replanned"]].to_numpy().tolist()
+        assert replanned[-4:] == [0, 1, 5, 0.25]
 
 
 def test_it_is_a_mission_of_the_simulation():
-    toy = load_mission("toy")
-    plan = toy.plan([[1, 2, 4, 2, 1], [1, 3, 1]])
-    table = simulate_policy(toy, plan, "losses", price=2, missions=5, seed=3).table
-    played = [play_mission(toy, plan, price=2, seed=3, number=number) for number in range(5)]
-    assert np.mean([one.reward for one in played]) == table["reward"][1]
-    assert np.mean([one.survivors for one in played]) == table["survivors"][1]
+    table = simulate_policy(TOY, TOY_PLAN, "losses", price=2, missions=5, seed=3).table
+    played = [play_mission(TOY, TOY_PLAN, price=2, seed=3, number=number) for number in range(5)]
+    means = np.mean([[one.reward, one.survivors] for one in played], axis=0)
+    assert table.loc[1, ["reward", "survivors"]].tolist() == means.tolist()
     gained = table.loc[1, ["reward", "survivors"]] - table.loc[0, ["reward", "survivors"]]
     assert table["gain"][1] == pytest.approx(gained["reward"] + 2 * gained["survivors"])
 
 
-def test_what_is_wrong_is_said():
-    toy = load_mission("toy")
-    for wrong in ({"policy": "always"}, {"number": -1}, {"price": -1}, {"seed": 0.5}):
-        with pytest.raises((ValueError, TypeError), match=f"Expected {next(iter(wrong))}"):
-            play_mission(toy, toy.stay_home(), **{"price": 1} | wrong)
+@pytest.mark.parametrize(
+    "wrong", [{"policy": "always"}, {"number": -1}, {"price": -1}, {"seed": 0.5}]
+)
+def test_what_is_wrong_is_said(wrong):
+    with pytest.raises((ValueError, TypeError), match=f"Expected {next(iter(wrong))}"):
+        play_mission(TOY, TOY_PLAN, **{"price": 1} | wrong)

@@ -39,12 +39,11 @@ def test_it_is_never_worse_and_keeps_limits(case, data):
         assert walked + rest.trail_lengths([found.plan])[0][robot] <= longest * (1 + 1e-9)
 
 
-def test_limits_of_the_plan_are_checked(solution):
-    museum = solution.mission
-    for limit in ({"min_survival": 0.9}, {"max_length": 3}):
-        for ask in (lambda *g, **k: replan(*g, [], **k), simulate_policy):
-            with pytest.raises(PlanError, match=r"^Plan 0, robot \d: expected a (sur|length)"):
-                ask(museum, solution.plans[0], **limit)
+@pytest.mark.parametrize("limit", [{"min_survival": 0.9}, {"max_length": 3}])
+def test_limits_of_the_plan_are_checked(solution, limit):
+    for ask in (lambda *g, **k: replan(*g, [], **k), simulate_policy):
+        with pytest.raises(PlanError, match=r"^Plan 0, robot \d: expected a (sur|length)"):
+            ask(solution.mission, solution.plans[0], **limit)
 
 
 def test_a_robot_is_sent_on_where_another_was_lost():
@@ -92,20 +91,16 @@ def test_a_plan_implies_a_price(solution):
     found = replan(museum, solution.plans[row], [Event("lost", 2)])
     price = survivor_price(museum, solution.objectives, row)
     assert found.price == pytest.approx(price, rel=0.35)
-    outcomes = simulate_policy(museum, solution.plans[row], "static", missions=2)
-    assert outcomes.price == found.price
+    assert simulate_policy(museum, solution.plans[row], "static", missions=2).price == found.price
 
 
 @pytest.mark.slow
 def test_any_number_of_workers_plays_the_same_missions():
-    toy = load_mission("toy")
+    toy, done = load_mission("toy"), []
     plan = toy.plan([[1, 2, 4, 2, 1], [1, 3, 1]])
-    done = []
-    one, two = (
-        simulate_policy(toy, plan, price=2, missions=60, workers=workers, progress=done.append)
-        for workers in (1, 2)
-    )
-    assert one.played.drop(columns="seconds").equals(two.played.drop(columns="seconds"))
+    given = {"price": 2, "missions": 60, "progress": done.append}
+    one, two = (simulate_policy(toy, plan, workers=n, **given).played for n in (1, 2))
+    assert one.drop(columns="seconds").equals(two.drop(columns="seconds"))
     assert done == [*range(1, 61)] * 2
 
 
@@ -138,9 +133,7 @@ class TestEvents:
 
 
 def test_kinds_keep_their_names():
-    toy = load_mission("toy")
-    kinds = [Kind("drone", 2), Kind("rover", 1)]
-    mission = Mission(toy.graph, base=1, kinds=kinds)
+    mission = Mission(load_mission("toy").graph, kinds=[Kind("drone", 2), Kind("rover", 1)])
     plan = mission.plan([[1, 2, 1], [1], [1, 3, 1]])
     rest = mission.after(plan, [Event("reached", 0, 2), Event("lost", 2)])
     assert [kind.name for kind in rest.kinds] == ["drone 0", "drone"]

@@ -136,7 +136,8 @@ def _tell_results(results: list[CheckResult]) -> None:
     tell(common.table(rows, n_texts=2))
     for result in results:
         if result.status == "failed":
-            tell(f"\n{paragraph(f'{result.rule}: {result.message}.')}")
+            said = result.message.removesuffix(".")
+            tell(f"\n{paragraph(f'{result.rule}: {said}.')}")
             tell(paragraph(f"To keep it: {result.remedy}"))
     counts = Counter(str(result.status) for result in results)
     tell("\n" + ", ".join(f"{number} {status}" for status, number in counts.items()))
