@@ -191,17 +191,8 @@ def test_one_way_missions_are_solved(name):
     assert area >= wanted
 
 
-def test_verbose_runs_print_the_area(capsys):
-    minimize(BOTOHE(load_mission("toy")), small("nsga2"), ("n_eval", 60), seed=1, verbose=True)
-    printed = capsys.readouterr().out
-    assert "area" in printed.splitlines()[1]
-    assert "max E[R]" in printed
-
-
-def test_options_and_problems_are_checked():
+def test_problems_and_budgets_are_checked():
     for name in NAMES:
-        with pytest.raises(ValueError, match="there is no parameter 'n_antz'"):
-            make_algorithm(name, n_antz=3)
         with pytest.raises(TypeError, match="Expected a BOTOHE problem, got ZDT1"):
             make_algorithm(name).setup(get_problem("zdt1"), termination=("n_eval", 10))
         with pytest.raises(ValueError, match="Expected a budget of at least 1 evaluation, got 0"):

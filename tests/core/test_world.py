@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from botohe_moo import Kind, Mission, load_mission
+from botohe_moo import Kind, load_mission
 from botohe_moo.core import world as worlds
 from tests import twins
 from tests.core.test_paths import open_nodes, whole_graph
 from tests.examples import examples
-from tests.strategies import lengths, missions, team_missions
+from tests.strategies import lengths, mission_of, missions, team_missions
 from tests.twins import end_at, ends_of
 
 
@@ -111,11 +111,11 @@ def test_ways_to_the_ends(mission, longest, per_length):
 
 
 def rover_and_drones(**of_rover):
-    graph = nx.cycle_graph(3, nx.DiGraph)
-    nx.set_node_attributes(graph, 1.0, "reward")
-    nx.set_edge_attributes(graph, 0.9, "survival")
-    drone = Kind("drone", 2, min_survival=0.5, max_length=7)
-    return Mission(graph, base=0, kinds=[Kind("rover", 1, **of_rover), drone])
+    arcs, drone = (
+        [(0, 1, 0.9), (1, 2, 0.9), (2, 0, 0.9)],
+        Kind("drone", 2, min_survival=0.5, max_length=7),
+    )
+    return mission_of(arcs, [1] * 3, kinds=[Kind("rover", 1, **of_rover), drone])
 
 
 @pytest.mark.parametrize(

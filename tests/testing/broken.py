@@ -14,9 +14,7 @@ from botohe_moo.algorithms.base import ArchiveAlgorithm
 from botohe_moo.trails import PlanBatch
 
 
-class Walks(ArchiveAlgorithm):
-    """Random walks: keeps all promises."""
-
+class Walks(ArchiveAlgorithm):  # random walks: keeps all promises
     def __init__(self, *, n: Annotated[int, Field(ge=1)] = 20, **options):
         super().__init__(**options)
         self.n = n
@@ -31,9 +29,7 @@ class Walks(ArchiveAlgorithm):
         self.evaluate_plans(self.walks(min(self.n, self.n_left)))
 
 
-class Loud(Walks):
-    """Prints, and raises."""
-
+class Loud(Walks):  # prints, and raises
     def _advance(self, **_):
         print("hello")
         raise ValueError("Too loud.")
@@ -43,16 +39,12 @@ class MakesNothing:
     """Is not an algorithm of pymoo's."""
 
 
-class Untyped(Walks):
-    """States a parameter without its type."""
-
+class Untyped(Walks):  # states a parameter without its type
     def __init__(self, *, n=20):
         super().__init__(n=n)
 
 
-class Teleports(Walks):
-    """Reports plans that are not valid: robots jump from the base to the last node and back."""
-
+class Teleports(Walks):  # reports plans in which robots jump from the base to the last node
     def result(self):
         found = super().result()
         mission = self.problem.mission
@@ -62,9 +54,7 @@ class Teleports(Walks):
         return found
 
 
-class OwnWay(Walks):
-    """Computes objectives itself, whatever the problem says."""
-
+class OwnWay(Walks):  # computes objectives itself, whatever the problem says
     def evaluate_plans(self, batch):
         self.evaluator.n_eval += len(batch)
         batch = batch.take(np.flatnonzero((self.problem.constrain_batch(batch) <= 0).all(axis=1)))
@@ -72,24 +62,18 @@ class OwnWay(Walks):
         return objectives, self.archive.insert(batch, objectives)
 
 
-class Forgetful(Walks):
-    """Reports the last generation only."""
-
+class Forgetful(Walks):  # reports the last generation only
     def _advance(self, **_):
         self.archive = type(self.archive)(self.problem.mission.robots)
         super()._advance()
 
 
-class WholeGenerations(Walks):
-    """Evaluates twenty plans a generation, whatever the budget."""
-
+class WholeGenerations(Walks):  # evaluates twenty plans a generation, whatever the budget
     def _advance(self, **_):
         self.evaluate_plans(self.walks(20))
 
 
-class LeavesSome(Walks):
-    """Does not begin a generation that it cannot end."""
-
+class LeavesSome(Walks):  # does not begin a generation that it cannot end
     def _advance(self, **_):
         if self.n_left < 20:
             self.termination.terminate()
@@ -97,9 +81,7 @@ class LeavesSome(Walks):
             super()._advance()
 
 
-class Secret(Walks):
-    """Looks at more plans than it counts."""
-
+class Secret(Walks):  # looks at more plans than it counts
     def _advance(self, **_):
         drawn = self.walks(3 * self.n)
         worth = self.problem.mission.evaluate(drawn)[:, 0]
@@ -107,16 +89,12 @@ class Secret(Walks):
         self.evaluate_plans(drawn.take(best))
 
 
-class Unseeded(Walks):
-    """Draws from a generator that no seed determines."""
-
+class Unseeded(Walks):  # draws from a generator that no seed determines
     def rng(self):
         return np.random.default_rng()
 
 
-class OneSeed(Walks):
-    """Draws from a generator with a seed of its own."""
-
+class OneSeed(Walks):  # draws from a generator with a seed of its own
     def _setup(self, problem, **options):
         super()._setup(problem, **options)
         self.own = np.random.default_rng(0)
@@ -125,15 +103,11 @@ class OneSeed(Walks):
         return self.own
 
 
-class SaysDeterministic(Walks):
-    """Says that no seed matters, and draws random numbers."""
-
+class SaysDeterministic(Walks):  # says that no seed matters, and draws random numbers
     deterministic = True
 
 
-class LosesItsState(Walks):
-    """Leaves out of its pickle what the run needs."""
-
+class LosesItsState(Walks):  # leaves out of its pickle what the run needs
     def _advance(self, **_):
         self.turn = getattr(self, "turn", 0) + 1
         self.n = 10 + self.turn
@@ -143,9 +117,9 @@ class LosesItsState(Walks):
         return {name: value for name, value in vars(self).items() if name != "turn"}
 
 
-class BackTheSameWay(Walks):
-    """Leads each robot to a neighbour and back, as if every arc had a reverse."""
-
+class BackTheSameWay(
+    Walks
+):  # leads each robot to a neighbour and back, as if every arc had a reverse
     def walks(self, n):
         mission = self.problem.mission
         graph, base = mission.world.graph, mission.index(mission.base)
@@ -155,9 +129,7 @@ class BackTheSameWay(Walks):
         return PlanBatch.from_plans(plans, mission.robots)
 
 
-class Pairs(Walks):
-    """Takes for granted that there is a second robot."""
-
+class Pairs(Walks):  # takes for granted that there is a second robot
     def walks(self, n):
         walks = super().walks(n)
         for plan in walks:
@@ -165,25 +137,19 @@ class Pairs(Walks):
         return walks
 
 
-class Alike(Walks):
-    """Takes all robots to be alike: they go where the first one goes."""
-
+class Alike(Walks):  # takes all robots to be alike: they go where the first one goes
     def walks(self, n):
         plans = [TrailPlan([plan.trails[0]] * plan.n_robots) for plan in super().walks(n)]
         return PlanBatch.from_plans(plans, self.problem.mission.robots)
 
 
-class AlikeAndSaysSo(Alike):
-    """Keeps all promises, since it makes none for kinds of robots."""
-
+class AlikeAndSaysSo(Alike):  # keeps all promises, since it makes none for kinds of robots
     @classmethod
     def supports(cls, mission):
         return mission.is_plain
 
 
-class Reckless(Walks):
-    """Does not look at constraints."""
-
+class Reckless(Walks):  # does not look at constraints
     def evaluate_plans(self, batch):
         self.evaluator.n_eval += len(batch)
         objectives = -self.problem.evaluate_batch(batch)
@@ -196,9 +162,7 @@ class Reckless(Walks):
         return RandomTrailSampling().sample_batch(free, n, self.random_state)
 
 
-class Plain(Algorithm):
-    """Not of this package's kind, and fine: all that it evaluates is its population."""
-
+class Plain(Algorithm):  # not of this package, and fine: it evaluates its population
     def __init__(self, *, n: Annotated[int, Field(ge=1)] = 20):
         super().__init__()
         self.n = n
