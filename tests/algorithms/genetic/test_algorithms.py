@@ -9,27 +9,19 @@ from tests.faults import algorithm_faults
 
 REEF = """
     import functools
-    import numpy as np
     from pymoo.core.crossover import Crossover
     from pymoo.core.mutation import Mutation
-    from pymoo.core.sampling import Sampling
 
-    from botohe_moo import TrailPlan
     from botohe_moo.algorithms import PlanSampling
-    from botohe_moo.operators import PlanMutation, RuinRecreate, SafestPathRepair, TrailSplice
-    from botohe_moo.trails import PlanBatch
+    from botohe_moo.operators import PlanMutation, RuinRecreate, SafestPathRepair
 
     class Shore(PlanSampling):
         def _sample(self, problem, n_samples, rng):
-            home = problem.mission.stay_home()
-            return PlanBatch.from_plans([home] * n_samples, problem.mission.robots)
+            return problem.mission.batch([problem.mission.stay_home()] * n_samples)
 
     class Swap(Crossover):
-        def __init__(self, **options):
-            super().__init__(2, 2, **options)
-
-        def _do(self, problem, X, *_, **__):
-            return X[::-1]
+        def __init__(self, **options): super().__init__(2, 2, **options)
+        def _do(self, problem, X, *_, **__): return X[::-1]
 
     class Single(Swap):
         def __init__(self, **options):
@@ -37,31 +29,20 @@ REEF = """
             self.n_offsprings = 1
 
     class Tide(PlanMutation):
-        def __init__(self, *, height=1, **options):
-            super().__init__(**options)
-            self.height = height
-
-        def _draft(self, mission, plans, rng):
-            return plans
+        def __init__(self, *, height=1, **options): super().__init__(**options)
+        def _draft(self, mission, plans, rng): return plans
 
     class Wave(Mutation):
-        def _do(self, problem, X, *_, **__):
-            return X
+        def _do(self, problem, X, *_, **__): return X
 
-    class Raft(SafestPathRepair):
-        pass
+    class Raft(SafestPathRepair): pass
 
     class Wreck(PlanMutation):
-        def __init__(self, **options):
-            raise SystemExit("no more")
+        def __init__(self, **options): raise SystemExit("no more")
 
     deep = functools.partial(RuinRecreate, max_via=3)
-
-    def named(**options) -> Mutation:
-        return RuinRecreate(max_via=7, **options)
-
-    def odd():
-        return Swap()
+    def named(**options) -> Mutation: return RuinRecreate(max_via=7, **options)
+    def odd(): return Swap()
 """
 
 
