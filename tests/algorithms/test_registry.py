@@ -153,12 +153,6 @@ def test_unknown_names_list_the_nearest_first():
     assert found.startswith("it cannot be imported (ModuleNotFoundError: No module named")
 
 
-def test_all_faults_of_parameters_at_once():
-    given = {"n_ant": 3, "heuristic": 1, "evaporation": 1.3, "n_ants": "100"}
-    blamed = [name for name, _ in algorithm_faults("bo-aco", given)]
-    assert blamed == ["n_ant", "n_ants", "evaporation", "heuristic"]
-
-
 @pytest.mark.parametrize(
     ("name", "parameters", "message"),
     [

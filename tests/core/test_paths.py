@@ -1,4 +1,4 @@
-"""Cheapest paths against networkx, with any arcs used."""
+"""Cheapest paths against networkx, with any arcs used, in plain Python, which gives equal bits."""
 
 from math import log, prod
 
@@ -14,11 +14,6 @@ from tests.strategies import lengths, missions, team_missions
 from tests.twins import end_at
 
 USED, TRAIL = 7, 7
-
-
-# In plain Python, which gives the bits of the kernels that contain them.
-find_path, find_home = paths.safest_path, paths.way_home
-search_paths, way_within, leads_home = paths.search_paths, paths.way_within, paths.leads_home
 
 
 @pytest.fixture(autouse=True)
@@ -77,39 +72,15 @@ def test_paths_are_the_safest_over_unused_arcs(mission, data):
         end = end_at(mission, source)
         for goal in (target, end):
             if goal == end and data.draw(st.booleans()):
-                n = find_home(world, scratch, used, TRAIL, source)
+                n = paths.way_home(world, scratch, used, TRAIL, source)
             else:
-                n = find_path(world.graph, scratch, used, TRAIL, source, goal)
+                n = paths.safest_path(world.graph, scratch, used, TRAIL, source, goal)
             if not nx.has_path(free, source, goal):
                 assert n == -1
                 continue
             cost = nx.dijkstra_path_length(free, source, goal, weight="cost")
             found = assert_path(world.graph, used, scratch.path[:n].tolist(), source, goal)
             assert found[0] == pytest.approx(np.exp(-cost))
-
-
-@examples(200)
-@given(mission=missions(max_nodes=9) | team_missions(), data=st.data(), backwards=st.booleans())
-def test_searches_find_the_nearest_nodes_first(mission, data, backwards):
-    graph, scratch = mission.world.graph, paths.new_paths(mission.world)
-    used, n_nodes = draw_used(mission, data), graph.n_nodes
-    source, n_most = data.draw(st.integers(0, n_nodes - 1)), data.draw(st.integers(1, n_nodes))
-    n = search_paths(graph, scratch, used, TRAIL, source, paths.ANYWHERE, n_most, backwards)
-    free = free_graph(mission, used)
-    free = free.reverse() if backwards else free
-    costs = nx.single_source_dijkstra_path_length(free, source, weight="cost")
-    assert n == min(n_most, len(costs))
-    found = scratch.order[:n].tolist()
-    assert len({*found}) == n
-    expected = pytest.approx(sorted(costs.values())[:n])
-    assert scratch.distance[found].tolist() == expected
-    assert [costs[node] for node in found] == expected
-    for node in found:
-        arc = scratch.entry[node]
-        assert (arc == -1) == (node == source)
-        if arc >= 0:
-            assert (graph.tail[arc], graph.head[arc])[0 if backwards else 1] == node
-            assert used[arc] != USED
 
 
 @examples(100)
@@ -149,7 +120,7 @@ def test_ways_within_limits_are_the_safest_or_else_the_shortest(mission, data, l
         limits = max(least, kind.min_survival), min(longest, kind.max_length or np.inf)
         trail = 7 * mission.robots + mission.kind_of.index(kind)
         marks = np.where(used == USED, trail, 3)
-        n = way_within(world, shortest, scratch, marks, trail, node, alive, length)
+        n = paths.way_within(world, shortest, scratch, marks, trail, node, alive, length)
         if n >= 0:
             path = scratch.path[:n].tolist()
             survival, walked = assert_path(world.graph, used, path, node, end)
@@ -190,7 +161,7 @@ def test_leads_home_is_reachability_over_unused_arcs(mission, data):
         used = draw_used(mission, data)
         free = free_graph(mission, used)
         for node in open_nodes(mission):
-            found, end = leads_home(world, scratch, used, TRAIL, node), end_at(mission, node)
+            found, end = paths.leads_home(world, scratch, used, TRAIL, node), end_at(mission, node)
             assert found == nx.has_path(free, node, end)
             while found and node != end:
                 arc = scratch.onward[node]

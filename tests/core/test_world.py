@@ -11,11 +11,10 @@ from hypothesis import strategies as st
 
 from botohe_moo import Kind, load_mission
 from botohe_moo.core import world as worlds
-from tests import twins
 from tests.core.test_paths import open_nodes, whole_graph
 from tests.examples import examples
 from tests.strategies import lengths, mission_of, missions, team_missions
-from tests.twins import end_at, ends_of
+from tests.twins import end_at
 
 
 def assert_ways(graph, homeward, node, end):
@@ -52,32 +51,6 @@ def test_the_graph(mission):
     degrees = [free.in_degree(node) == free.out_degree(node) for node in free]
     closed = [len(set(kind.ends(mission.base))) == 1 for kind in mission.kinds]
     assert graph.balanced == all(degrees + closed)
-
-
-@examples(200)
-@given(team_missions(max_robots=3, aboard=False))
-def test_each_kind_has_a_layer(mission):
-    world, n, opened = mission.world, len(mission.nodes), open_nodes(mission)
-    graph, team = world.graph, world.team
-    assert team.n_kinds == len(mission.kinds)
-    assert world.n_robots == mission.robots
-    for k, kind in enumerate(mission.kinds):
-        first, layer = mission.kind_of.index(kind), slice(n * k, n * (k + 1))
-        assert team.origin[layer].tolist() == list(range(n))
-        for robot in range(first, first + kind.robots):
-            assert (team.start[robot], team.end[n * k]) == ends_of(mission, robot)
-            assert (team.first[robot], team.stop[robot]) == (first, first + kind.robots)
-        assert len(set(team.end[layer].tolist())) == 1
-        arcs = graph.tail // n == k
-        assert (graph.head[arcs] // n == k).all()
-        found = zip(graph.tail[arcs] - n * k, graph.head[arcs] - n * k, strict=True)
-        labelled = [(mission.nodes[u], mission.nodes[v]) for u, v in found]
-        survivals = dict(zip(labelled, graph.survival[arcs].tolist(), strict=True))
-        assert survivals == twins.survivals(mission, kind)
-        for v, label in enumerate(mission.nodes):
-            share = twins.share_of(mission, kind, label) if n * k + v in opened else 0.0
-            assert team.share[n * k + v] == share
-            assert graph.reward[n * k + v] == mission.rewards[v] * share
 
 
 @examples(200)

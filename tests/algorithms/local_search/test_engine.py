@@ -126,19 +126,15 @@ def test_what_each_move_brought():
 
 @pytest.mark.compiled_only
 def test_compiling_is_not_what_moves_spend(monkeypatch):
-    compiling = []
-
     def compile_and_improve(*given):
         with event.trigger_event("numba:compiler_lock"):
-            time.sleep(0.05)
-        compiling.append(0.05)
+            time.sleep(0.5)
         return improve(*given)
 
     monkeypatch.setattr(engine, "improve", compile_and_improve)
     search = started(load_mission("toy"), prob_recreate=1.0)
     assert search.run(300) == 300
-    assert search.statistics["tried"][RUIN_AND_RECREATE] > 0
-    assert 0.0 < search.statistics["seconds"].sum() < sum(compiling)
+    assert 0.0 < search.statistics["seconds"].sum() < 0.5
 
 
 def test_fifty_robots_are_changed_together(monkeypatch):

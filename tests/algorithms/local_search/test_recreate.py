@@ -231,7 +231,8 @@ def test_tours_are_filled_as_the_naive_way(n_nodes, robots, scale, floor, budget
     mission = complete(n_nodes, seed, robots=robots, scale=scale, returns=returns)
     limits = {"min_survival": floor, "max_length": budget}
     chosen = np.random.default_rng(seed).permutation(robots)[: 1 + seed % robots].tolist()
-    search = holding(mission, random_tours(mission, seed), chosen, seed=seed, **limits)
+    plan = random_tours(mission, seed)
+    search = holding(mission, plan, chosen, seed=seed, **limits)
     routes, work = search.costs.routes, search._work
     work.draft.mark += 1
     work.draft.n_legs = 0
@@ -251,6 +252,11 @@ def test_tours_are_filled_as_the_naive_way(n_nodes, robots, scale, floor, budget
         used = [sum(leg.danger for leg in legs), sum(leg.length for leg in legs)]
         assert slack == pytest.approx(np.subtract(drawn[which], used), rel=1e-9, abs=1e-9)
     states, marginal = work.states.copy(), work.nodes["marginal"].copy()
+    left = mission.rewards.copy()
+    for trail in (trail for robot, trail in enumerate(plan) if robot not in chosen):
+        for node, chance in twins.collects(mission, mission.kinds[0], trail).items():
+            left[node] *= 1 - chance
+    assert marginal == pytest.approx(left)
     noise, worth, power = uniform(states, 0), np.zeros(n_nodes), 1
     if floor > 0 or budget < inf:
         power += uniform(states, 0) < kernels.P_SQUARED

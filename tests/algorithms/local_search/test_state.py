@@ -5,23 +5,16 @@ from math import log
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import load_mission
 from botohe_moo.algorithms.local_search.kernels import plans, state
-from botohe_moo.algorithms.local_search.kernels.state import N_CHILDREN, N_TRAILS, NOT_STORED
-from tests import twins
-from tests.algorithms.local_search.made import check_clean, unstarted, write_child
+from botohe_moo.algorithms.local_search.kernels.state import N_CHILDREN, N_TRAILS
+from tests.algorithms.local_search.made import unstarted
 from tests.core.test_paths import best_ways, whole_graph
 from tests.examples import examples
-from tests.strategies import (
-    mission_of,
-    missions,
-    missions_with_plans,
-    team_missions,
-    team_missions_with_plans,
-)
+from tests.strategies import mission_of, missions, team_missions
 from tests.twins import plain_local_search
 
 
@@ -125,44 +118,6 @@ def test_costs_and_lengths_of_the_cheapest_paths_there_and_back(mission, per_len
                     assert any(each == length for each in possible)
 
 
-def add(search, nodes, robot=0):
-    return plans.add_trail(search.parts, robot, write_child(search, nodes))
-
-
-@examples(120)
-@given(missions_with_plans(max_robots=4) | team_missions_with_plans(max_robots=3), st.data())
-def test_marginal_rewards_are_what_the_others_leave(case, data):
-    """To the robot that changes, or the robots of its kind that do."""
-    mission, plan = case
-    search = unstarted(mission, max_length=np.inf)
-    work, n_nodes = search._work, len(mission.nodes)
-    work.parent[:] = [add(search, nodes, robot) for robot, nodes in enumerate(plan.trails)]
-    assume(NOT_STORED not in work.parent)
-    robot = data.draw(st.integers(0, mission.robots - 1))
-    kind = mission.kind_of[robot]
-    alike = [k for k, other in enumerate(mission.kind_of) if other is kind and k != robot]
-    chosen = [robot, *data.draw(st.lists(st.sampled_from(alike or [robot]), unique=True))]
-    chosen = list(dict.fromkeys(chosen))
-    work.draft.robot, work.draft.n_chosen, work.chosen[: len(chosen)] = robot, len(chosen), chosen
-    plans.evaluate_others(search.world, search._store, work)
-    others = [k for k in range(mission.robots) if k not in chosen]
-    labels = mission.labels(plan)
-    chances = [twins.collects(mission, mission.kind_of[k], labels[k]) for k in others]
-    trails, kinds = [labels[k] for k in others], [mission.kind_of[k] for k in others]
-    reward, survivors = twins.evaluate(mission, trails, kinds) if others else (0.0, 0.0)
-    assert work.draft.others == pytest.approx(reward)
-    assert work.draft.survivors == pytest.approx(survivors)
-    layer = n_nodes * mission.kinds.index(kind)
-    # The reward of its start counts as collected there, whether it is aboard or not.
-    carried = set(kind.aboard) - {labels[robot][0]}
-    for v, label in enumerate(mission.nodes):
-        left = np.prod([1 - chance.get(label, 0.0) for chance in chances])
-        expected = search.world.graph.reward[layer + v] * left * (label not in carried)
-        assert work.nodes[layer + v].marginal == pytest.approx(expected)
-    plans.clear_others(search.world, work)
-    check_clean(search)
-
-
 @pytest.mark.parametrize("tolerance", [state.TOLERANCE, 0.0])
 @pytest.mark.parametrize(
     ("more_reward", "more_survivors"), [(1e-13, 0.0), (0.0, 1e-13), (1e-11, 0.0), (-1e-11, 1e-11)]
@@ -170,7 +125,11 @@ def test_marginal_rewards_are_what_the_others_leave(case, data):
 def test_what_is_better_by_rounding_alone(more_reward, more_survivors, tolerance):
     """A plan that enters takes the place of one that is better by rounding."""
     search, enters = unstarted(load_mission("toy")), max(more_reward, more_survivors) > tolerance
-    trails, store, front = np.array([add(search, (0,))] * 2), search._store, search._front
+    trails, store, front = (
+        np.array([plans.add_trail(search.parts, 0, 0)] * 2),
+        search._store,
+        search._front,
+    )
     assert plans._insert(store, front, trails, 3.0, 2.0, tolerance)
     reward, survivors = 3.0 * (1 + more_reward), 2.0 * (1 + more_survivors)
     assert plans._insert(store, front, trails, reward, survivors, tolerance) == enters
