@@ -126,9 +126,9 @@ def plan_of(parts, trails):
 class Child:
     """What a move has made, and what the search takes it for.
 
-    ``others`` are the trails of the other robots, ``fixed`` their E[R] as the search adds it, and
-    ``gained`` is what the robot gains, −1 where the child does not enter; ``needed`` is the E[R] to
-    exceed.
+    ``others`` are the trails of the other robots, ``fixed`` and ``survivors`` their objectives as
+    the search adds them; ``gained`` is what the robot gains, −1 where the child does not enter, and
+    ``needed`` the E[R] to exceed.
     """
 
     def __init__(self, found, gained):
@@ -139,7 +139,8 @@ class Child:
         if self.robot < len(self.others):
             self.others.append(parent)
             parent = self.others.pop(self.robot)
-        self.fixed, self.gained, self.parent = float(draft.others), gained, parent
+        self.fixed, self.survivors = float(draft.others), float(draft.survivors)
+        self.gained, self.parent = gained, parent
         laid = work.steps["arc"][: draft.length].tolist()
         middle = work.middle[: draft.n_middle].tolist()
         self.arcs = [*laid[: draft.prefix], *middle, *laid[draft.suffix :]]
@@ -161,10 +162,10 @@ class Child:
         kinds = list(mission.kind_of)
         kind = kinds.pop(self.robot)
         named = [[node % n_nodes for node in each] for each in [*self.others, trail]]
-        before = twins.evaluate(mission, named[:-1], kinds)[0]
+        before, survivors = twins.evaluate(mission, named[:-1], kinds)
         gains = twins.evaluate(mission, named, [*kinds, kind])[0] - before
         near = {"rel": 1e-12, "abs": 1e-13 * (mission.total_reward + mission.robots)}
-        assert self.fixed == pytest.approx(before, **near)
+        assert (self.fixed, self.survivors) == pytest.approx((before, survivors), **near)
         floor, budget = self.limits.floors[self.robot], self.limits.budgets[self.robot]
         walked = twins.length_of(mission, trail)
         if self.gained >= 0:
