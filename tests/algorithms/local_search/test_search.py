@@ -24,7 +24,9 @@ BUDGETS = st.sampled_from([inf, inf, 7.0, 3.0, 0.0])
 
 @examples(200)
 @given(
-    missions_with_plans(min_nodes=2) | team_missions_with_plans(),
+    missions_with_plans(min_nodes=2)
+    | team_missions_with_plans()
+    | team_missions_with_plans(pays="return"),
     st.sampled_from([*DEFAULT_MOVES, "all", "all"]),
     FLOORS,
     BUDGETS,
