@@ -217,7 +217,7 @@ class Filler:
         return tours, slacks
 
 
-@examples(120)
+@examples(250)
 @given(
     st.sampled_from([2, 4, 7, 8, 9, 10]),
     st.integers(1, 4),

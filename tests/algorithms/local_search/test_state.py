@@ -10,11 +10,18 @@ from hypothesis import strategies as st
 
 from botohe_moo import load_mission
 from botohe_moo.algorithms.local_search.kernels import plans, state
-from botohe_moo.algorithms.local_search.kernels.state import N_CHILDREN, N_TRAILS
-from tests.algorithms.local_search.made import unstarted
+from botohe_moo.algorithms.local_search.kernels.state import N_CHILDREN, N_TRAILS, NOT_STORED
+from tests import twins
+from tests.algorithms.local_search.made import check_clean, unstarted, write_child
 from tests.core.test_paths import best_ways, whole_graph
 from tests.examples import examples
-from tests.strategies import mission_of, missions, team_missions
+from tests.strategies import (
+    mission_of,
+    missions,
+    missions_with_plans,
+    team_missions,
+    team_missions_with_plans,
+)
 from tests.twins import plain_local_search
 
 
@@ -116,6 +123,53 @@ def test_costs_and_lengths_of_the_cheapest_paths_there_and_back(mission, per_len
                     possible = [nx.path_weight(graph, way, "length") for way in ways]
                     length = pytest.approx(lengths[node, other], rel=1e-9, abs=1e-9)
                     assert any(each == length for each in possible)
+
+
+def noted(mission, kind, nodes, i):
+    """What a trail brings ahead of a position, what is banked and carried there, and the chance to
+    bring that to a depot; of the rewards aboard at the start no other counts.
+    """
+    trail, of = [mission.nodes[node % len(mission.nodes)] for node in nodes], mission.graph.nodes
+    alive, before, after = twins.alive_along(mission, kind, trail), trail[: i + 1], trail[i + 1 :]
+
+    def brings(part, aboard):
+        # The reward of its start counts as collected there, whether it is aboard or not.
+        taken = set(kind.aboard) - {*aboard, trail[0]}
+        chances = twins.collects(mission, kind, part, aboard).items()
+        return sum(of[v]["reward"] * p for v, p in chances if v not in taken)
+
+    ahead = alive[i + 1] / alive[i] * brings(after, ()) if after else 0.0
+    left = {*before, *kind.aboard} - set(dict(twins.credited(mission, before, kind.aboard)))
+    carried = sum(of[v]["reward"] * twins.share_of(mission, kind, v) for v in left)
+    depots = [j for j, v in enumerate(trail) if j > i and (v == 0 or of[v].get("depot"))]
+    to_depot = alive[depots[0]] / alive[i] if depots else 0.0
+    return [ahead, brings(before, kind.aboard), carried, to_depot]
+
+
+@examples(120)
+@given(missions_with_plans(max_robots=2) | team_missions_with_plans())
+def test_what_lies_ahead(case):
+    """To a robot with empty hands that is sure to be at a position of a stored trail."""
+    mission, plan = case
+    search = unstarted(mission, max_length=np.inf)
+    world, work = search.world, search._work
+    for robot, nodes in enumerate(plan.trails):
+        trail = plans.add_trail(search.parts, robot, write_child(search, nodes))
+        if trail == NOT_STORED:  # it does not keep the limits of its kind
+            continue
+        start, work.draft.robot, work.draft.carried = world.team.start[robot], robot, 0.0
+        work.draft.layer = start - world.team.origin[start]
+        plans._load(world, work)
+        plans.lay_out(world, world.returns, search._store, work, trail)
+        for i, step in enumerate(work.steps[: len(nodes)]):
+            found = [step.ahead, step.gained]
+            if world.returns is not None:
+                found += [work.loads[i].carried, work.loads[i].to_depot]
+            expected = noted(mission, mission.kind_of[robot], nodes, i)[: len(found)]
+            assert found == pytest.approx(expected, rel=1e-12, abs=1e-14)
+        plans.clear_trail(work)
+        plans.clear_others(world, work)
+    check_clean(search)
 
 
 @pytest.mark.parametrize("tolerance", [state.TOLERANCE, 0.0])
