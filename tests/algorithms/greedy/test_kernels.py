@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from numba import njit
 
 from botohe_moo.algorithms.greedy import kernels
 from botohe_moo.algorithms.greedy.kernels import BeamRule, new_beam
@@ -291,3 +292,15 @@ def test_extreme_survivals_and_worths(survival, worth):
     assert value >= 0.5 + worth
     assert value < inf
     assert (len(trail) > 5) == (survival == 1.0 and 0.5 + worth > 0.5)
+
+
+sort_descending = njit(kernels._sort_descending)
+
+
+@given(st.lists(st.integers(0, 5).map(float), min_size=1, max_size=70), st.data())
+def test_the_first_numbers_are_sorted_and_equal_ones_stay_in_order(keys, data):
+    chosen = data.draw(st.lists(st.integers(0, len(keys) - 1), unique=True))
+    behind = [-1, -2]  # stays as it is
+    found, spare = np.array([*chosen, *behind]), np.empty(len(chosen), np.int64)
+    sort_descending(np.array(keys), found, spare, len(chosen))
+    assert found.tolist() == sorted(chosen, key=lambda i: -keys[i]) + behind
