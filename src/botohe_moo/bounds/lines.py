@@ -9,15 +9,13 @@ import numpy as np
 
 from botohe_moo.base.types import FloatArray
 from botohe_moo.bounds.front_bound import Line, LineProof, lower_envelope, stairs_of
-from botohe_moo.bounds.kernels.states import Worth
 from botohe_moo.bounds.kernels.trails import Stairs
 from botohe_moo.bounds.master import SECONDS_A_GAIN, Master, Pool, PricedTeam, Prices
-from botohe_moo.bounds.relaxation import Ahead, BoundLines, Relaxation
+from botohe_moo.bounds.relaxation import LEVELS, Ahead, BoundLines, Relaxation
 
 # As in ``proof``, these constants were chosen by experiment, and every line is valid whatever they
 # are.
 
-LEVELS = 24  # of relaxed trails, at least
 N_STEPS = 2_000  # of a trail's survival
 # Prices of survival that bound what lies ahead in searches that raise stairs, in shares of that of
 # the line; and what that is at least, in shares of all reward.
@@ -126,15 +124,16 @@ class Lines:
         self.pool.drop_forbidden(relaxation.allows)
         return True
 
-    def look_ahead(self, *prices: Prices) -> list[Ahead]:
-        """Bound all trails under each of several prices, on a grid of ``LEVELS`` or a few more."""
-        worths = [Worth(self.team.spread(each.visits, LEVELS), each.mu) for each in prices]
-        return self.relaxation.look_ahead(worths)
+    def look_ahead(self, prices: Prices) -> Ahead:
+        """Bound all trails under prices, on a grid of ``LEVELS`` or a few more."""
+        spread = self.team.spread(prices.visits, LEVELS)
+        return self.relaxation.look_ahead(spread, [prices.mu])[0]
 
     def look_ahead_around(self, visits: FloatArray, mu: float) -> BoundLines:
         """Bound all trails under prices of visits, and several prices of survival up to ``mu``."""
         none = np.zeros(self.relaxation.net.graph.n_nodes)
-        ahead = self.look_ahead(*(Prices(visits, share * mu) for share in _MU_SHARES))
+        spread = self.team.spread(visits, LEVELS)
+        ahead = self.relaxation.look_ahead(spread, [share * mu for share in _MU_SHARES])
         return [(each, none) for each in ahead]
 
     def known_stairs(self, visits: FloatArray, width: float) -> FloatArray:
@@ -175,7 +174,7 @@ class Lines:
             if bound - least < _RELAXED_TOLERANCE * bound or self.relaxation.clock.is_over(until):
                 break
             prices = self._tidied(wanted if best is None else best.towards(wanted, step))
-            (ahead,) = self.look_ahead(prices)
+            ahead = self.look_ahead(prices)
             reached = self._keep_all(prices, ahead.most, "relaxed", until) - prices.mu * x
             added = [pool.add(*trail) for trail in self.relaxation.best_trails(ahead)]
             if reached < value:
@@ -200,7 +199,7 @@ class Lines:
             if bound - least < _SEARCH_TOLERANCE * bound or self.relaxation.clock.is_over(until):
                 break
             prices = self._tidied(best.towards(wanted, step))
-            (ahead,) = self.look_ahead(prices)
+            ahead = self.look_ahead(prices)
             worth = pool.values(prices, relaxed=False)
             at_least = max(0.0, float(worth.max(initial=0.0))) + 1e-9
             n_most = _MOST_STEPS * effort * (1 if i else _FIRST_STEPS)

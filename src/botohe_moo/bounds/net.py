@@ -11,10 +11,12 @@ import networkx as nx
 import numpy as np
 
 from botohe_moo.base.types import BoolArray, FloatArray, OffsetArray
-from botohe_moo.bounds.kernels.states import NEVER, NONE, ROUNDING, Memory, Net
+from botohe_moo.bounds.kernels.states import NEVER, NONE, ROUNDING, Memory, Net, Pieces
 from botohe_moo.core.paths import find_near
 from botohe_moo.core.world import Graph, World, cheapest_ways, new_limits, new_world
 
+MOST_SLOPES = 16  # of the hull of a piece's excursions
+_MOST_JOINED = 12  # nodes on the way to the largest piece that are taken into it
 _LEAST_REACH = 1e-290  # it is divided by reach, which underflows on long ways
 
 
@@ -56,27 +58,68 @@ def new_net(world: World, unit: float = 1.0) -> Net:
     graph = world.graph
     reach = _best_reach(graph, outward.ways.home)
     ratio = np.minimum(reach[graph.tail] * graph.survival / reach[graph.head], 1.0)
-    return Net(world, reach, ratio, _lengths_home(world), min_survival, max_length)
+    pieces = _packed(world, pieces_of(world))
+    return Net(world, reach, ratio, _lengths_home(world), min_survival, max_length, pieces)
 
 
 def pieces_of(world: World) -> list[Piece]:
-    """Return the pieces between bridges, each after the one above it; the base's comes first."""
+    """Return the pieces between bridges, each after the one above it; the base's comes first.
+
+    Where a short way leads from the base to the largest piece, all of these are one piece: its
+    excursions would not be shorter than trails.
+    """
     arcs, base = arcs_by_ends(world.graph), int(world.team.start[0])
     undirected: nx.Graph[int] = nx.Graph(arcs.keys())
     undirected.add_node(base)
     bridges: nx.Graph[int] = nx.Graph(nx.bridges(undirected))  # type: ignore[arg-type]
-    undirected.remove_edges_from(bridges.edges)
+    found = _between(bridges, undirected, arcs, base)
+    piece, way = max(found, key=lambda piece: len(piece.nodes)), list[tuple[int, int]]()
+    n_nodes = 0
+    while piece.above >= 0:
+        way.append((piece.gate, int(world.graph.head[piece.arc])))
+        piece = found[piece.above]
+        n_nodes += len(piece.nodes)
+    if not way or n_nodes > _MOST_JOINED:
+        return found
+    bridges.remove_edges_from(way)
+    return _between(bridges, undirected, arcs, base)
+
+
+def _between(
+    bridges: nx.Graph[int], graph: nx.Graph[int], arcs: dict[tuple[int, int], int], base: int
+) -> list[Piece]:
+    """Return the pieces between some bridges."""
+    parts = nx.restricted_view(graph, [], list(bridges.edges))
     found: list[Piece] = []
     # The node where each piece is entered, the piece above, and the gate.
     entrances = [(base, -1, -1)]
     for entrance, above, gate in entrances:  # the list grows as it is read
-        nodes = tuple(nx.node_connected_component(undirected, entrance))
+        nodes = tuple(sorted(nx.node_connected_component(parts, entrance)))
         arc, back = arcs.get((gate, entrance), -1), arcs.get((entrance, gate), -1)
         for node in nodes:
             onward = [other for other in bridges.adj.get(node, ()) if other != gate]
             entrances += [(other, len(found), node) for other in onward]
         found.append(Piece(nodes, above, gate, arc, back))
     return found
+
+
+def _packed(world: World, found: list[Piece]) -> Pieces:
+    """Return pieces as arrays, as kernels take them."""
+    graph, numbers = world.graph, np.arange(len(found))
+    of = np.zeros(graph.n_nodes, np.int64)  # also of nodes that no arc leads to
+    for number, piece in enumerate(found):
+        of[list(piece.nodes)] = number
+    gate, arc, back = np.array([piece[2:] for piece in found], np.int64).reshape(-1, 3).T
+    entry = np.append(world.team.start[0], graph.head[arc[1:]]).astype(np.int64)
+    into, is_back = np.full(graph.n_arcs, -1), np.zeros(graph.n_arcs, bool)
+    into[arc[1:]], is_back[back[1:]] = numbers[1:], True
+    has_more = np.bincount(of[gate[1:]], minlength=len(found)) > 0
+    is_dead_end = ~has_more & (np.bincount(of, minlength=len(found)) == 1)
+    n_options = np.where(is_dead_end, 1, MOST_SLOPES)
+    n_options[0] = 0
+    first_option = np.append(0, n_options.cumsum())
+    of_option = np.repeat(numbers, n_options)
+    return Pieces(of, entry, gate, arc, back, first_option, of_option, into, is_back)
 
 
 def arcs_by_ends(graph: Graph) -> dict[tuple[int, int], int]:
@@ -142,7 +185,6 @@ def _arrives(world: World) -> BoolArray:
     return arrives
 
 
-_MOST_BRIDGES = 256  # that a node chooses from: more than it can remember
 # By what share survivals of ways are raised: paths are compared by sums of rounded logarithms.
 _ABOVE = 1e-9
 
@@ -157,40 +199,29 @@ class RelaxedTrail(NamedTuple):
 class Remembered:
     """The bits that each node remembers, ``n_bits`` at most.
 
-    These are the ``nearest`` rewards, by the survival of a round trip from the node, and bridges
-    into parts that hang on them. A trail can enter such a part once, and comes out to nodes that it
-    has visited. So a node needs no bit for its reward if all arcs to it belong to bridges.
+    Bits are rewards and arcs of the node's own piece, of which an arc into another piece stands for
+    the excursion. Those of the node itself come first, then the ``nearest`` ones, by the survival
+    of a round trip from the node.
     """
 
     def __init__(self, net: Net, nearest: int, n_bits: int, most_compared: int) -> None:
-        graph = net.graph
+        graph, pieces = net.graph, net.pieces
         self.net = net
         self.bits: list[list[int]] = [[] for _ in range(graph.n_nodes)]
         self.between: FloatArray | None = None
-        self._backs: dict[int, int] = {}  # the arc into a piece, by the arc back over its bridge
-        if n_bits == 0:
-            return
-        pieces = pieces_of(net.world)
-        self._backs = {piece.back: piece.arc for piece in pieces[1:]}
-        bridges = [*self._backs, *self._backs.values()]
-        not_by_bridges = np.ones(graph.n_arcs, bool)
-        not_by_bridges[bridges] = False
-        pays = np.intersect1d(graph.head[not_by_bridges], np.flatnonzero(graph.reward > 0.0))
-        if graph.n_nodes <= most_compared:
+        if graph.n_nodes <= most_compared and n_bits > 0:
             self.between = _best_between(net)
-        # Of each piece those that a trail may enter next, or on its way to the base: they hang on
-        # it, or on one of the pieces above it.
-        around: list[list[Piece]] = [[] for _ in pieces]
-        for piece in pieces[1:]:
-            around[piece.above].append(piece)
-        for number, piece in enumerate(pieces):
-            if number > 0:
-                around[number] += [other for other in around[piece.above] if other is not piece]
-                del around[number][_MOST_BRIDGES:]
-            for node in piece.nodes:
-                rewards, ways = self._nearest(node, pays, around[number])
-                bits = rewards[:nearest] + [graph.n_nodes + way.arc for way in ways]
-                self.bits[node] = bits[:n_bits]
+        # What a node may remember, and where that is: a reward is paid where a trail enters a
+        # piece, and not again.
+        pays = np.setdiff1d(np.flatnonzero(graph.reward > 0.0), pieces.entry)
+        bits = np.append(pays, graph.n_nodes + pieces.arc[1:])
+        where = np.append(pays, pieces.gate[1:])
+        for piece in range(len(pieces.entry) if n_bits > 0 else 0):
+            inside = pieces.of[where] == piece
+            for node in np.flatnonzero(pieces.of == piece).tolist():
+                own = self._nearest(node, where[inside])
+                n_own = int((where[inside] == node).sum())
+                self.bits[node] = bits[inside][own][: max(n_own, nearest)][:n_bits].tolist()
 
     def add(self, wanted: Sequence[tuple[int, Sequence[int]]], n_bits: int) -> bool:
         """Add each bit whose nodes all have room for it; return whether any is new."""
@@ -204,40 +235,34 @@ class Remembered:
                     self.bits[node].append(bit)
         return is_new
 
-    def _nearest(
-        self, node: int, pays: OffsetArray, ways: list[Piece]
-    ) -> tuple[list[int], list[Piece]]:
-        """Sort nodes that pay, and ways into pieces, by the survival of a round trip."""
-        if self.between is None:
-            return [node] if node in pays else [], ways
-        near = self.between[node] * self.between[:, node]
-        nearness = near[pays] + (pays == node)  # the node itself comes first
-        order = np.argsort([-near[way.gate] for way in ways], kind="stable")
-        rewards = pays[np.argsort(-nearness, kind="stable")].tolist()
-        return rewards, [ways[i] for i in order.tolist()]
+    def _nearest(self, node: int, others: OffsetArray) -> OffsetArray:
+        """Sort nodes by the survival of a round trip, and the node itself before all others."""
+        near = np.zeros(len(others))
+        if self.between is not None:
+            near = self.between[node, others] * self.between[others, node]
+        order = np.argsort(-near - (others == node), kind="stable")
+        n_known = len(others) if self.between is not None else int((others == node).sum())
+        return order[:n_known]
 
     def pack(self) -> Memory:
         """Return the memory as arrays, as kernels take it."""
-        graph = self.net.graph
+        graph, pieces = self.net.graph, self.net.pieces
         n_nodes = graph.n_nodes
         places = [{bit: i for i, bit in enumerate(bits)} for bits in self.bits]
         kept: list[tuple[int, int]] = []
         first_kept = [0]
         adds, unpaid, barred = (np.full(graph.n_arcs, NONE) for _ in range(3))
-        ends = zip(graph.tail.tolist(), graph.head.tolist(), strict=True)
-        pays = (graph.reward > 0.0).tolist()
-        for arc, (tail, head) in enumerate(ends):
-            before, after = places[tail], places[head]
-            kept += [(before[bit], after[bit]) for bit in before.keys() & after.keys()]
+        ends = np.where(pieces.into >= 0, graph.tail, graph.head)
+        pays = graph.reward > 0.0
+        pays[pieces.entry] = False
+        for arc, (tail, end) in enumerate(zip(graph.tail.tolist(), ends.tolist(), strict=True)):
+            before, after = places[tail], places[end]
+            if pieces.of[tail] == pieces.of[end]:
+                kept += [(before[bit], after[bit]) for bit in before.keys() & after.keys()]
             first_kept.append(len(kept))
-            # A trail that comes back over a bridge has taken it before.
-            bits = {n_nodes + arc, n_nodes + self._backs.get(arc, arc)}
-            if pays[head]:
-                bits.add(head)
+            bits = {n_nodes + arc, end} if pays[end] else {n_nodes + arc}
             adds[arc] = sum(1 << after[bit] for bit in bits & after.keys())
-            unpaid[arc] = before.get(head, NONE)
-            if not pays[head] or arc in self._backs:
-                unpaid[arc] = NEVER
+            unpaid[arc] = before.get(end, NONE) if pays[end] else NEVER
             barred[arc] = before.get(n_nodes + arc, NONE)
         pairs: OffsetArray = np.array(kept, np.int64).reshape(-1, 2)
         n_bits = np.array([len(bits) for bits in self.bits])
@@ -246,22 +271,43 @@ class Remembered:
     def forgets(self, trail: RelaxedTrail) -> list[tuple[int, list[int]]]:
         """Return what a relaxed trail does twice: bits, each with the nodes that lack it.
 
-        These are nodes between the first time and the second. Bits with the fewest come first.
+        These are nodes of a piece between the first time and the second. Bits with the fewest come
+        first.
         """
-        graph = self.net.graph
-        nodes = [self.net.base, *graph.head[trail.arcs].tolist()]
-        times: dict[int, list[int]] = {}
-        for step, (arc, pays) in enumerate(zip(*trail, strict=True), 1):
-            times.setdefault(graph.n_nodes + arc, []).append(step)
-            if pays:
-                times.setdefault(nodes[step], []).append(step)
         found = []
-        for bit, steps in times.items():
-            for before, after in pairwise(steps):
-                need = {node for node in nodes[before:after] if bit not in self.bits[node]}
-                if need:
-                    found.append((bit, sorted(need)))
+        for walk in self._walks(trail):
+            nodes = [node for node, _ in walk]
+            times: dict[int, list[int]] = {}
+            for step, (_, bits) in enumerate(walk):
+                for bit in bits:
+                    times.setdefault(bit, []).append(step)
+            for bit, steps in times.items():
+                for before, after in pairwise(steps):
+                    need = {node for node in nodes[before:after] if bit not in self.bits[node]}
+                    if need:
+                        found.append((bit, sorted(need)))
         return sorted(found, key=lambda item: len(item[1]))
+
+    def _walks(self, trail: RelaxedTrail) -> list[list[tuple[int, list[int]]]]:
+        """Return the walks inside pieces that a relaxed trail consists of.
+
+        Each step of a walk is a node and the bits of what was done to get there.
+        """
+        graph, pieces = self.net.graph, self.net.pieces
+        found = [[(self.net.base, list[int]())]]
+        inside = [found[0]]
+        for arc, pays in zip(*trail, strict=True):
+            tail, head = int(graph.tail[arc]), int(graph.head[arc])
+            bit = graph.n_nodes + arc
+            if pieces.into[arc] >= 0:
+                inside[-1].append((tail, [bit]))
+                inside.append([(head, [])])
+                found.append(inside[-1])
+            elif pieces.is_back[arc]:
+                inside.pop()
+            else:
+                inside[-1].append((head, [bit, head] if pays else [bit]))
+        return found
 
 
 def _best_between(net: Net) -> FloatArray:

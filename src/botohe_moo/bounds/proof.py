@@ -11,10 +11,10 @@ from botohe_moo.algorithms.exact.front import FrontSearch, TooLargeError
 from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch
 from botohe_moo.bounds.front_bound import FrontBound, Step
 from botohe_moo.bounds.kernels.states import Net
-from botohe_moo.bounds.lines import LEVELS, Lines
+from botohe_moo.bounds.lines import Lines
 from botohe_moo.bounds.master import Pool, most_levels
-from botohe_moo.bounds.net import Remembered, arcs_by_ends, new_net
-from botohe_moo.bounds.relaxation import Relaxation
+from botohe_moo.bounds.net import MOST_SLOPES, Remembered, arcs_by_ends, new_net
+from botohe_moo.bounds.relaxation import LEVELS, Relaxation
 from botohe_moo.bounds.stairs import MOST_MOVING, TeamStairs
 from botohe_moo.bounds.steps import Steps
 from botohe_moo.bounds.targets import Known
@@ -88,9 +88,11 @@ class Proof:
         """
         net, mission = self._net, self._mission
         n_bytes = self._memory * _MIB
-        # For each thread five tables of what lies ahead, under two prices, with their copies for
-        # searches; and the links.
-        per_state = 16.0 * (2 * LEVELS + n_levels + 1)
+        # For each thread two tables of what lies ahead, beyond bridges for each slope, and their
+        # copies for searches; and the links.
+        per_state = 16.0 * (LEVELS + n_levels + 1)
+        if len(net.pieces.of_option) > 0:
+            per_state *= MOST_SLOPES
         per_state += _BYTES_A_LINK * max(1.0, net.graph.n_arcs / net.graph.n_nodes)
         fits = int(n_bytes / per_state / self.turns.n_threads)
         self._relaxation = Relaxation(

@@ -9,8 +9,15 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from botohe_moo.base.types import FloatArray, OffsetArray
-from botohe_moo.bounds.kernels.relaxed import follow, relax
-from botohe_moo.bounds.kernels.states import Net, States, Worth, find_states
+from botohe_moo.bounds.kernels.relaxed import (
+    Rule,
+    Tables,
+    Worth,
+    bound_excursions,
+    follow,
+    relax,
+)
+from botohe_moo.bounds.kernels.states import Net, States, find_states
 from botohe_moo.bounds.kernels.trails import (
     Completions,
     Stairs,
@@ -18,7 +25,7 @@ from botohe_moo.bounds.kernels.trails import (
     find_trails,
     new_depths,
 )
-from botohe_moo.bounds.net import RelaxedTrail, Remembered
+from botohe_moo.bounds.net import MOST_SLOPES, RelaxedTrail, Remembered
 from botohe_moo.bounds.turns import Clock, Turns
 
 _SLACK = 1e-9  # in shares of all reward: stairs are raised by as much more, to skip equal trails
@@ -27,6 +34,8 @@ _TOLERANCE = 1e-9  # in shares of all reward: values are raised only where they 
 _MOST_TRAIL = 400  # links of a relaxed trail that are looked at
 # Steps at which a relaxed trail takes the second best link, to find others; −1 for none.
 _TURNS = (-1, 0, 1, 2, 4, 7, 11)
+_STEEPEST = 20.0  # of the slopes of hulls, in shares of all reward
+_ENOUGH = 1e-4  # of all reward: how far hulls may lie above what is true, nearly
 _MOST_BITS = 14  # that a node remembers at most
 _FIRST_STATES = 15_000  # of relaxed trails at first
 _MOST_STATES = 40_000  # of relaxed trails that have learned what to remember
@@ -35,6 +44,7 @@ _GROWTH = 1.5  # largest factor for the number of states, when relaxed trails re
 _MOST_FOUND = 50_000  # trails that a search returns
 _MOST_FOUND_ARCS = 1 << 22  # room for the arcs of all these trails
 _SECONDS_A_LOOK, _SECONDS_A_LINK = 6.5e-9, 5e-8  # at links, in looks ahead and searches
+LEVELS = 24  # of probabilities to be alive, or up to twice as many
 MOST_LINES = 8  # prices under which a search bounds what lies ahead
 
 
@@ -43,7 +53,8 @@ class Ahead(NamedTuple):
 
     states: States  # of relaxed trails, as far as they remembered then
     worth: Worth  # the prices
-    values: FloatArray  # (n_states, n_levels + 1)
+    tables: Tables  # of pieces beyond bridges, which prices of survival share
+    values: FloatArray  # of the base's piece (n_states there, n_levels + 1)
     spare: float  # what has to be added to values, for rounding and tolerance
     most: float  # no trail is worth more
 
@@ -75,7 +86,9 @@ class Relaxation:
         self.total = float(net.graph.reward.sum())
         n_room = max(1, min(_MOST_FOUND, _MOST_FOUND_ARCS // max(1, net.graph.n_arcs)))
         # Scratch that no thread uses; more is made when it is needed.
-        self._new_depths = partial(new_depths, net, random_state, _N_SEEN, n_room, MOST_LINES)
+        self._new_depths = partial(
+            new_depths, net, random_state, _N_SEEN, n_room, MOST_LINES, 2 * LEVELS
+        )
         self._depths = [self._new_depths()]
         self._is_capped = False
         first_states, wanted = max(n_nodes + 1, _FIRST_STATES), remembered.bits
@@ -94,49 +107,69 @@ class Relaxation:
             self.states = states
         return len(states.node) > 0
 
-    def look_ahead(self, worths: Sequence[Worth]) -> list[Ahead]:
-        """Bound all trails that leave the base, under each of several prices."""
+    def look_ahead(self, prices: FloatArray, mus: Sequence[float]) -> list[Ahead]:
+        """Bound all trails that leave the base, under prices of visits and each ``mu``."""
         states = self.states
         with self.turns.aside():
-            found = [self._look_ahead(states, worth) for worth in worths]
-        self.clock.count(_SECONDS_A_LOOK * sum(n_looks for _, n_looks in found))
-        return [ahead for ahead, _ in found]
+            found, n_looks = self._look_ahead(states, prices, mus)
+        self.clock.count(_SECONDS_A_LOOK * n_looks)
+        return found
 
-    def _look_ahead(self, states: States, worth: Worth) -> tuple[Ahead, int]:
+    def _look_ahead(
+        self, states: States, prices: FloatArray, mus: Sequence[float]
+    ) -> tuple[list[Ahead], int]:
         """Bound all trails that leave the base; return also how many links were looked at."""
-        prices, mu = worth
-        net, graph = self.net, self.net.graph
-        shape = (graph.n_nodes, prices.shape[1])
-        values = np.zeros((len(states.node), prices.shape[1]))
-        tolerance = _TOLERANCE * self.total
-        cap = np.full(shape, np.inf)
+        net, graph, n_looks = self.net, self.net.graph, 0
+        tolerance, steepest = _TOLERANCE * self.total, _STEEPEST * self.total
+        cap = np.full((graph.n_nodes, prices.shape[1]), np.inf)
+        tables = _new_tables(net, states, prices.shape[1] - 1)
         # Where arcs are sure, relaxed trails may collect without end.
-        is_capped, n_looks = self._is_capped, 0
-        if not is_capped:
-            short, n_looks = relax(net, states, worth, cap, tolerance, values)
-            is_capped = short == np.inf
-        if is_capped:
+        while True:
+            if self._is_capped:
+                cap = self._everything(prices)
+            rule = Rule(tolerance, cap, steepest, _ENOUGH * self.total)
+            inside, n_new = bound_excursions(net, states, prices, rule, tables)
+            n_looks += n_new
+            found = []
+            for mu in mus if inside < np.inf else ():
+                worth = Worth(prices, mu)
+                values = np.zeros((int(states.begin[1]), prices.shape[1]))
+                short, n_new = relax(net, states, worth, rule, tables, values)
+                n_looks += n_new
+                if short == np.inf and self._is_capped:
+                    level = np.arange(prices.shape[1]) / (prices.shape[1] - 1)
+                    node = states.node[: len(values)]
+                    values, short = cap[node] + mu * net.reach[node, None] * level, 0.0
+                found.append(self._ahead(states, worth, tables, values, max(short, inside)))
+            if len(found) == len(mus) and all(ahead.spare < np.inf for ahead in found):
+                return found, n_looks
             self._is_capped = True
-            cap = self._everything(prices, mu)
-            short, n_more = relax(net, states, worth, cap, tolerance, values)
-            n_looks += n_more
-            if short == np.inf:
-                values, short = cap[states.node], 0.0
-        # A step adds some ten roundings. One of a level counts for each level, since a price may
-        # rise in the last one alone. A trail has at most as many steps as there are arcs.
-        scale = self.total + mu + float(values.max(initial=0.0))
-        spare = graph.n_arcs * (short + (32 + 4 * prices.shape[1]) * _EPSILON * scale)
-        _, best = follow(net, states, worth, values, -1, np.empty(1, np.int64))
-        return Ahead(states, worth, values, spare, best + spare), n_looks
 
-    def _everything(self, prices: FloatArray, mu: float) -> FloatArray:
-        """Bound what lies ahead of each node, as if a robot could go to all others at once.
+    def _ahead(
+        self, states: States, worth: Worth, tables: Tables, values: FloatArray, short: float
+    ) -> Ahead:
+        """Return a bound, with what rounding and tolerance may have taken from it.
+
+        A step adds some ten roundings. One of a level counts for each level, since a price may rise
+        in the last one alone. A trail has at most as many steps as there are arcs, and excursions
+        add one each.
+        """
+        n_arcs, n_levels = self.net.graph.n_arcs, values.shape[1] - 1
+        scale = self.total + worth.mu + float(values.max(initial=0.0))
+        scale += float(tables.values.max(initial=0.0))
+        spare = 2 * n_arcs * (short + (36 + 4 * n_levels) * _EPSILON * scale)
+        room = np.empty(2, np.int64), np.empty(2, np.int64)
+        _, best = follow(self.net, states, worth, tables, values, -1, *room)
+        return Ahead(states, worth, tables, values, spare, best + spare)
+
+    def _everything(self, prices: FloatArray) -> FloatArray:
+        """Bound what visits ahead of each node pay, as if a robot could go to all others at once.
 
         Returns an array (n_nodes, n_levels + 1).
         """
         net, between, n_levels = self.net, self._remembered.between, prices.shape[1] - 1
         alive = net.reach[:, None] * (np.arange(n_levels + 1) / n_levels)
-        cap = mu * alive * np.minimum(net.world.ways.home, 1.0)[:, None]
+        cap = np.zeros_like(alive)
         if between is None:
             cap[:, 1:] += prices[:, -1].sum()
         else:
@@ -151,19 +184,17 @@ class Relaxation:
 
         Of long ones only the first steps are returned, and some do not come home.
         """
-        net, states, n_levels = self.net, ahead.states, ahead.worth.prices.shape[1] - 1
+        net, n_levels = self.net, ahead.values.shape[1] - 1
         found: list[RelaxedTrail] = []
-        links = np.empty(_MOST_TRAIL, np.int64)
+        arcs, paid = np.empty(_MOST_TRAIL, np.int64), np.empty(_MOST_TRAIL, np.int64)
         for turn in _TURNS:
-            n, _ = follow(net, states, ahead.worth, ahead.values, turn, links)
+            given = net, ahead.states, ahead.worth, ahead.tables, ahead.values
+            n, _ = follow(*given, turn, arcs, paid)
             if n > max(turn, 0):
-                taken = links[:n]
-                arcs = states.arc[taken]
-                levels = np.cumprod(net.ratio[arcs]) * n_levels
-                high = np.minimum(levels.astype(int) + 1, n_levels)
-                is_worth = ahead.worth.prices[net.graph.head[arcs], high] > 1e-12
-                paid = states.pays[taken] & is_worth
-                found.append(RelaxedTrail(arcs.tolist(), paid.tolist()))
+                heads, alive = net.graph.head[arcs[:n]], net.graph.survival[arcs[:n]].cumprod()
+                high = np.minimum((alive / net.reach[heads] * n_levels).astype(int) + 1, n_levels)
+                is_worth = (paid[:n] > 0) & (ahead.worth.prices[heads, high] > 1e-12)
+                found.append(RelaxedTrail(arcs[:n].tolist(), is_worth.tolist()))
         return found
 
     def search(self, ahead: Ahead, least: float, n_most: int) -> tuple[bool, float, list[int]]:
@@ -240,13 +271,22 @@ class Relaxation:
 
     def allows(self, trail: RelaxedTrail) -> bool:
         """Return whether this is still a relaxed trail, with what is remembered at present."""
-        states, state = self.states, 0
+        states, pieces, n_arcs = self.states, self.net.pieces, self.net.graph.n_arcs
+        state, after = 0, list[int]()
         for arc, pays in zip(*trail, strict=True):
+            if pieces.is_back[arc]:
+                state = after.pop()
+                continue
+            into = pieces.into[arc]
+            move = arc if into < 0 else n_arcs + pieces.first_option[into]
             first, end = states.first[state : state + 2].tolist()
-            found = first + np.flatnonzero(states.arc[first:end] == arc)
-            if len(found) == 0 or (pays and not states.pays[found[0]]):
+            found = first + np.flatnonzero(states.move[first:end] == move)
+            if len(found) == 0 or (into < 0 and pays and not states.pays[found[0]]):
                 return False
             state = int(states.to[found[0]])
+            if into >= 0:
+                after.append(state)
+                state = int(states.begin[into])
         return True
 
 
@@ -257,8 +297,30 @@ def _as_lists(arcs: OffsetArray, n_arcs: OffsetArray) -> list[list[int]]:
 
 def _completions(lines: BoundLines) -> Completions:
     """Return bounds under several prices as the kernel takes them."""
+    unique = {id(ahead.tables): ahead.tables for ahead, _ in lines}
+    numbers = {key: number for number, key in enumerate(unique)}
     return Completions(
         np.stack([ahead.values for ahead, _ in lines]),
         np.array([ahead.worth.mu for ahead, _ in lines]),
         np.stack([beside for _, beside in lines]),
+        np.array([numbers[id(ahead.tables)] for ahead, _ in lines]),
+        *(np.stack(arrays) for arrays in list(zip(*unique.values(), strict=True))[2:]),
+    )
+
+
+def _new_tables(net: Net, states: States, n_levels: int) -> Tables:
+    """Return empty tables: none for the base's piece, and for dead ends of one node."""
+    n_moves = net.graph.n_arcs + len(net.pieces.of_option)
+    n_slopes = np.diff(net.pieces.first_option)
+    n_slopes[n_slopes == 1] = 0
+    n_rows = n_slopes * np.diff(states.begin)
+    shape = len(n_slopes), MOST_SLOPES
+    first = np.append(0, n_rows.cumsum())[:-1, None]
+    return Tables(
+        there=np.zeros((n_levels + 1, n_moves)),
+        paid=np.zeros((n_levels + 1, n_moves)),
+        n_slopes=np.zeros(len(n_slopes), np.int64),
+        slope=np.zeros(shape),
+        row=first + np.arange(MOST_SLOPES) * np.diff(states.begin)[:, None],
+        values=np.zeros((int(n_rows.sum()), n_levels + 1)),
     )

@@ -14,9 +14,9 @@ from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.bounds.front_bound import EDGE, Step, add_stairs, falling, last_steps, least_total
 from botohe_moo.bounds.kernels.states import ROUNDING
 from botohe_moo.bounds.kernels.trails import Stairs, follow_trails
-from botohe_moo.bounds.lines import LEAST_MU, LEVELS, N_STEPS, Lines
+from botohe_moo.bounds.lines import LEAST_MU, N_STEPS, Lines
 from botohe_moo.bounds.master import Prices
-from botohe_moo.bounds.relaxation import MOST_LINES, Ahead
+from botohe_moo.bounds.relaxation import LEVELS, MOST_LINES, Ahead
 from botohe_moo.core.ordered import best_reward, insert, new_front
 
 # As in ``proof``, these constants were chosen by experiment, and every step is valid whatever they
@@ -77,7 +77,7 @@ class Steps:
         stairs = self._lines.known_stairs(prices.visits, self._width)
         others = self._lines.lowest(x, self._most_survival, MOST_LINES)
         beside = [team.to_all(team.most(other.visits)) for other in others]
-        lines = list(zip(self._lines.look_ahead(*others), beside, strict=True))
+        lines = [(self._lines.look_ahead(other), own) for other, own in zip(others, beside)]
         raised, n_most = Stairs(stairs, self._width, x), _MOST_LINKS * effort
         if not self._lines.raise_stairs(prices.visits, lines, raised, n_most)[0]:
             return False

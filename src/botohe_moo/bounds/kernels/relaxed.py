@@ -5,6 +5,11 @@ with probability p is worth mu · p, and what lies ahead of a state is a functio
 these are convex, and 0 at 0. They are given on a grid: level l of node v is the probability
 reach[v] · l / n_levels. Between two levels a convex function lies below the chord, so that chords
 bound what lies ahead.
+
+An excursion that begins with p collects w and comes back alive with q. What follows is convex in q.
+So only the pairs (q, w) on their concave hull count. For slopes σ_1 < … < σ_K, the tables of a
+piece hold h_k = max (w + σ_k q). The half planes w ≤ h_k − σ_k q contain the hull, and their
+corners are the options of the excursion.
 """
 
 from typing import NamedTuple
@@ -12,32 +17,67 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo.base.types import FloatArray, OffsetArray
-from botohe_moo.bounds.kernels.states import Net, States, Worth
-from botohe_moo.core.compile import inlined, kernel
+from botohe_moo.bounds.kernels.states import Net, States
+from botohe_moo.core.compile import array_maker, inlined, kernel
 
 _MOST_CHOICES = 2_000  # how often the choices of a level are improved
 _STRAIGHT = 1e-12  # how far prices may be from a straight line, relative
 _SAME = 1e-12  # by how much a link must be better than an earlier one to take its place
 _LEAST_LOSS = 1e-9  # on a cycle of links; with less, its worth is lost in rounding
+_STEEP = (0.0, 1 / 16, 1.0)  # the first slopes of a hull, as shares of the largest
+
+
+class Worth(NamedTuple):
+    """What a trail is worth: the prices of its visits, and ``mu`` for survival."""
+
+    prices: FloatArray  # (n_nodes, n_levels + 1)
+    mu: float
+
+
+class Tables(NamedTuple):
+    """What lies ahead inside the pieces beyond bridges, and so what excursions are worth."""
+
+    # Where each move leads from each level of its tail, as a level there, and what it pays
+    # (n_levels + 1, n_arcs + n_options).
+    there: FloatArray
+    paid: FloatArray
+    # Of each piece: how many slopes there are (n_pieces), in ascending order (n_pieces, K), and the
+    # first row of the table for each (n_pieces, K).
+    n_slopes: OffsetArray
+    slope: FloatArray
+    row: OffsetArray
+    values: FloatArray  # (n_rows, n_levels + 1)
 
 
 class _Level(NamedTuple):
     """One level: what links are worth, a choice of a link for each state, and its value."""
 
-    # Links whose robots stay above the level below come first of each state: those of state s end
-    # at ``end[s]``. They are worth ``gain`` + ``part`` of their arc × what lies ahead of their end
-    # (n_states, n_links, n_arcs).
-    end: OffsetArray
+    # Links whose robots stay above the level below: those of state s are ``first[s]`` to
+    # ``first[s + 1]``. They are worth ``gain`` + ``part`` × what lies ahead of ``to``.
+    first: OffsetArray
+    link: OffsetArray  # among all states' links
+    to: OffsetArray
     gain: FloatArray
     part: FloatArray
     # What a state is worth that stops, or takes a link to a level that is known (n_states).
     known: FloatArray
-    cap: FloatArray  # what nothing gets above at each node (n_nodes)
+    cap: FloatArray  # what it does not get above (n_states)
     value: FloatArray  # what lies ahead of each state with these choices, or more (n_states)
-    chosen: OffsetArray  # −1 for what is known (n_states)
+    chosen: OffsetArray  # a link of the level, or −1 for what is known (n_states)
+    before: OffsetArray  # the link that was chosen at the level below, or −1 (n_states)
     # Scratch to follow the choices.
     path: OffsetArray  # states in the order in which they are followed (n_states)
     seen: OffsetArray  # 1 on the path, 2 where a state is valued (n_states)
+    below: FloatArray  # what lies ahead at each level so far (n_levels + 1, n_states)
+
+
+class Rule(NamedTuple):
+    """How values are computed."""
+
+    tolerance: float  # values are raised only where they rise by more
+    cap: FloatArray  # what visits ahead of each node are not worth more than (n_nodes, n_levels + 1)
+    steepest: float  # the largest slope of a hull
+    enough: float  # by how much a hull may lie above the true one, nearly
 
 
 @inlined
@@ -45,34 +85,6 @@ def chord(values: FloatArray, row: int, level: float) -> float:
     """Interpolate between two levels."""
     low = min(int(level), values.shape[1] - 2)
     return float(values[row, low] + (values[row, low + 1] - values[row, low]) * (level - low))
-
-
-@inlined
-def _weigh_arcs(
-    net: Net, prices: FloatArray, level: int, low: OffsetArray, part: FloatArray, paid: FloatArray
-) -> None:
-    """Compute where each arc leads from a level of its tail, and what the visit is worth there.
-
-    A robot gets to the level ``low`` + ``part`` of the arc's head, where 0 ≤ ``part`` ≤ 1. A visit
-    is worth ``paid`` there.
-    """
-    head = net.world.graph.head
-    for arc in range(head.shape[0]):
-        there = net.ratio[arc] * level
-        low[arc] = min(int(there), level - 1)
-        part[arc] = there - low[arc]
-        paid[arc] = chord(prices, head[arc], there)
-
-
-@inlined
-def _value_of(
-    net: Net, states: States, prices: FloatArray, values: FloatArray, link: int, level: float
-) -> float:
-    """Return what a link is worth to a robot at a level of its tail, with what lies ahead."""
-    arc = states.arc[link]
-    there = net.ratio[arc] * level
-    value = chord(values, states.to[link], there)
-    return value + chord(prices, net.world.graph.head[arc], there) if states.pays[link] else value
 
 
 @inlined
@@ -90,18 +102,18 @@ def _count_linear(prices: FloatArray) -> int:
 
 
 @inlined
-def _follow_choices(states: States, level: _Level) -> bool:
+def _follow_choices(level: _Level, n_states: int) -> bool:
     """Compute what all states are worth with the links chosen; False where one is infinite."""
     cap, value = level.cap, level.value
     chosen, path, seen = level.chosen, level.path, level.seen
-    seen[:] = 0
-    for first in range(value.shape[0]):
+    seen[:n_states] = 0
+    for first in range(n_states):
         n, state = 0, first
         while seen[state] == 0 and chosen[state] >= 0:
             seen[state] = 1
             path[n] = state
             n += 1
-            state = states.to[chosen[state]]
+            state = level.to[chosen[state]]
         if seen[state] == 0:
             value[state], seen[state] = level.known[state], 2
         elif seen[state] == 1:  # a cycle
@@ -109,11 +121,11 @@ def _follow_choices(states: States, level: _Level) -> bool:
             while True:
                 link = chosen[at]
                 total += left * level.gain[link]
-                left *= level.part[states.arc[link]]
-                at = states.to[link]
+                left *= level.part[link]
+                at = level.to[link]
                 if at == state:
                     break
-            most = cap[states.node[state]]
+            most = cap[state]
             value[state] = min(total / (1.0 - left), most) if left < 1.0 - _LEAST_LOSS else most
             if value[state] == np.inf:
                 return False
@@ -122,31 +134,30 @@ def _follow_choices(states: States, level: _Level) -> bool:
             at = path[i]
             if seen[at] == 1:
                 link = chosen[at]
-                part = level.part[states.arc[link]]
-                worth = level.gain[link] + part * value[states.to[link]]
-                value[at] = min(worth, cap[states.node[at]])
+                worth = level.gain[link] + level.part[link] * value[level.to[link]]
+                value[at] = min(worth, cap[at])
                 seen[at] = 2
     return True
 
 
 @inlined
 def _choose(
-    states: States, level: _Level, tolerance: float, is_forward: bool
+    level: _Level, n_states: int, tolerance: float, is_forward: bool
 ) -> tuple[bool, float]:
     """Choose better links, and raise values; return whether there were any.
 
     Also returns the most by which other values fall short of the best link. A raised value at once
     counts for states that come later in the pass, so passes alternate in direction.
     """
-    value, n_states, is_better, short = level.value, level.value.shape[0], False, 0.0
+    value, is_better, short = level.value, False, 0.0
     for i in range(n_states):
         state = i if is_forward else n_states - 1 - i
         best, chosen = level.known[state], -1
-        for link in range(states.first[state], level.end[state]):
-            worth = level.gain[link] + level.part[states.arc[link]] * value[states.to[link]]
+        for link in range(level.first[state], level.first[state + 1]):
+            worth = level.gain[link] + level.part[link] * value[level.to[link]]
             if worth > best:
                 best, chosen = worth, link
-        best = min(best, level.cap[states.node[state]])
+        best = min(best, level.cap[state])
         if best > value[state] + tolerance:
             value[state], level.chosen[state], is_better = best, chosen, True
         else:
@@ -156,124 +167,359 @@ def _choose(
 
 @inlined
 def _weigh_links(
-    states: States, level: _Level, low: OffsetArray, paid: FloatArray, values: FloatArray, at: int
+    states: States, piece: int, tables: Tables, level: _Level, at: int, is_lowest: bool
 ) -> None:
-    """Write what links are worth at level ``at``: ``end``, ``gain`` and ``known`` of a level.
+    """Write what links are worth at level ``at``: links of the level, and ``known``.
 
-    Choices of links to levels that are known are taken back. ``values`` are those of the levels
-    below (n_levels + 1, n_states).
+    At the lowest level, values at the levels below are proportional to them. Choices begin anew.
     """
-    part, below = level.part, values[at - 1]
-    for state in range(level.end.shape[0]):
-        link, end, best = states.first[state], states.first[state + 1], level.known[state]
-        while link < end and low[states.arc[link]] == at - 1:
-            arc = states.arc[link]
-            level.gain[link] = below[states.to[link]] * (1.0 - part[arc])
-            if states.pays[link]:
-                level.gain[link] += paid[arc]
-            link += 1
-        level.end[state] = link
-        if level.chosen[state] >= link:
-            level.chosen[state] = -1
-        while link < end:
-            arc, to = states.arc[link], states.to[link]
-            before, after = values[low[arc], to], values[low[arc] + 1, to]
-            gain = before + (after - before) * part[arc]
-            if states.pays[link]:
-                gain += paid[arc]
-            best = max(best, gain)
-            link += 1
-        level.known[state] = min(best, level.cap[states.node[state]])
+    begin, n = states.begin[piece], 0
+    below = level.below[at - 1]
+    for state in range(states.begin[piece + 1] - begin):
+        level.first[state] = n
+        best, before, level.chosen[state] = level.known[state], level.before[state], -1
+        for link in range(states.first[begin + state], states.first[begin + state + 1]):
+            move, to = states.move[link], states.to[link] - begin
+            there = tables.there[at, move]
+            paid = tables.paid[at, move] if states.pays[link] else 0.0
+            if not is_lowest and there < at - 1:
+                low = int(there)
+                left, right = level.below[low, to], level.below[low + 1, to]
+                best = max(best, paid + left + (right - left) * (there - low))
+                continue
+            level.link[n], level.to[n] = link, to
+            if is_lowest:
+                level.gain[n], level.part[n] = paid, there / at
+            else:
+                level.part[n] = there - (at - 1)
+                level.gain[n] = paid + below[to] * (1.0 - level.part[n])
+            if link == before:
+                level.chosen[state] = n
+            n += 1
+        level.known[state] = min(best, level.cap[state])
+    level.first[states.begin[piece + 1] - begin] = n
 
 
-@kernel
-def relax(
-    net: Net, states: States, worth: Worth, cap: FloatArray, tolerance: float, values: FloatArray
+@inlined
+def _solve(
+    net: Net,
+    states: States,
+    piece: int,
+    slope: float,
+    tables: Tables,
+    rule: Rule,
+    level: _Level,
+    n_linear: int,
 ) -> tuple[float, int]:
-    """Write what lies ahead of each state at each level, to a tolerance (n_states, n_levels + 1).
-
-    Levels are solved from the lowest up, each by policy iteration: Howard, "Dynamic Programming and
-    Markov Processes", MIT Press, 1960. Given the levels below, what lies ahead of a state is linear
-    in what lies ahead of the others, so that one choice of a link in each state can be valued at
-    once. Choices begin with those of the level below, and are improved until none can be. Nothing
-    gets above ``cap`` (n_nodes, n_levels + 1). Prices have to be convex, and the links of each
-    state to descend by the ratio of their arcs.
+    """Write what lies ahead of each state of a piece to ``level.below``, for one slope.
 
     Returns the most by which a value falls short of the best that one step leads to, up to
     rounding, inf where choices were improved too often; and how many links were looked at.
     """
-    prices, mu = worth.prices, worth.mu
-    n_states, n_levels, n_arcs = values.shape[0], values.shape[1] - 1, net.world.graph.head.shape[0]
-    low, paid = np.empty(n_arcs, np.int64), np.empty(n_arcs)
-    made = _Level(
-        end=np.empty(n_states, np.int64),
-        gain=np.empty(states.arc.shape[0]),
-        part=np.empty(n_arcs),
-        known=np.empty(n_states),
-        cap=np.empty(cap.shape[0]),
-        value=np.zeros(n_states),
-        chosen=np.full(n_states, -1, np.int64),
-        path=np.empty(n_states, np.int64),
-        seen=np.empty(n_states, np.int64),
-    )
-    # Levels in rows: values of one level are read together.
-    by_level = np.zeros((n_levels + 1, n_states))
-    n_linear = _count_linear(prices) if np.isinf(cap).all() else 1
-    most_short, n_looks = _STRAIGHT * prices.max(), 0
+    begin, n_states = states.begin[piece], states.begin[piece + 1] - states.begin[piece]
+    n_levels, entry = level.below.shape[0] - 1, net.pieces.entry[piece]
+    most_short, n_looks = 0.0, 0
+    level.below[0, :n_states], level.before[:n_states] = 0.0, -1
     for at in range(n_linear, n_levels + 1):
-        _weigh_arcs(net, prices, at, low, made.part, paid)
-        if at == n_linear:  # at this level and below, values are proportional to the level
-            low[:], made.part[:] = at - 1, net.ratio
-        made.cap[:] = cap[:, at]
         for state in range(n_states):
-            is_base = states.node[state] == net.world.team.start[0]
-            made.known[state] = mu * at / n_levels if is_base else 0.0
-        _weigh_links(states, made, low, paid, by_level, at)
-        n_looks += states.arc.shape[0]
-        n_own = n_states + (made.end - states.first[:-1]).sum()
+            node = states.node[begin + state]
+            survived = slope * net.reach[node] * at / n_levels
+            level.cap[state] = rule.cap[node, at] + survived
+            level.known[state] = survived if node == entry else 0.0
+        _weigh_links(states, piece, tables, level, at, at == n_linear)
+        n_looks += states.first[begin + n_states] - states.first[begin]
+        n_own = n_states + level.first[n_states]
         is_better, short, n = True, 0.0, 0
         while is_better:
-            if n == _MOST_CHOICES or not _follow_choices(states, made):
+            if n == _MOST_CHOICES or not _follow_choices(level, n_states):
                 return np.inf, n_looks
             n += 1
             n_looks += n_own
-            is_better, short = _choose(states, made, tolerance, n % 2 == 0)
+            is_better, short = _choose(level, n_states, rule.tolerance, n % 2 == 0)
         most_short = max(most_short, short)
-        for below in range(1 if at == n_linear else at, at + 1):
-            by_level[below] = made.value * (below / at)
-    values[:] = by_level.T
-    return float(most_short), n_looks
+        for state in range(n_states):
+            chosen = level.chosen[state]
+            level.before[state] = level.link[chosen] if chosen >= 0 else -1
+        for lower in range(1 if at == n_linear else at, at + 1):
+            for state in range(n_states):
+                level.below[lower, state] = level.value[state] * (lower / at)
+    return most_short, n_looks
+
+
+@array_maker
+def _new_level(states: States, n_levels: int) -> _Level:
+    """Return scratch for the largest piece."""
+    n_states = n_links = 0
+    for piece in range(states.begin.shape[0] - 1):
+        begin, end = states.begin[piece], states.begin[piece + 1]
+        n_states = max(n_states, end - begin)
+        n_links = max(n_links, states.first[end] - states.first[begin])
+    return _Level(
+        first=np.empty(n_states + 1, np.int64),
+        link=np.empty(n_links, np.int64),
+        to=np.empty(n_links, np.int64),
+        gain=np.empty(n_links),
+        part=np.empty(n_links),
+        known=np.empty(n_states),
+        cap=np.empty(n_states),
+        value=np.zeros(n_states),
+        chosen=np.empty(n_states, np.int64),
+        before=np.empty(n_states, np.int64),
+        path=np.empty(n_states, np.int64),
+        seen=np.empty(n_states, np.int64),
+        below=np.zeros((n_levels + 1, n_states)),
+    )
+
+
+@inlined
+def _next_slope(slope: FloatArray, heights: FloatArray, n: int, most: FloatArray) -> tuple[int, float, float]:
+    """Return where a slope is missing the most: before which one, how much, and what slope.
+
+    ``heights`` are convex in the slope (n, n_levels + 1), and rise by ``most`` at most
+    (n_levels + 1). Between two slopes they are below the chord, and above the lines that go on from
+    the chords on either side.
+    """
+    n_levels, where, widest, best = heights.shape[1] - 1, -1, 0.0, 0.0
+    for k in range(n - 1):
+        low, high = slope[k], slope[k + 1]
+        for at in range(1 + n_levels // 3, n_levels + 1):
+            a, b = heights[k, at], heights[k + 1, at]
+            rise = 0.0
+            if k > 0:
+                rise = (a - heights[k - 1, at]) / (low - slope[k - 1])
+            fall = most[at]
+            if k + 2 < n:
+                fall = min(fall, (heights[k + 2, at] - b) / (slope[k + 2] - high))
+            if fall <= rise:
+                continue
+            # a + rise · (x − low) = b − fall · (high − x)
+            x = (b - a + rise * low - fall * high) / (rise - fall)
+            if x <= low or x >= high:
+                continue
+            gap = a + (b - a) * (x - low) / (high - low) - (a + rise * (x - low))
+            if gap > widest:
+                where, widest, best = k + 1, gap, x
+    margin = 0.05 * (slope[where] - slope[where - 1])
+    return where, widest, min(max(best, slope[where - 1] + margin), slope[where] - margin)
+
+
+@inlined
+def _write_options(
+    net: Net, piece: int, tables: Tables, heights: FloatArray, n: int
+) -> None:
+    """Write the corners of the hull of a piece's excursions.
+
+    A corner lies on both its lines, or on the higher one where rounding has moved it: so nothing of
+    the hull is lost.
+    """
+    gate, slope = net.pieces.gate[piece], tables.slope[piece]
+    first = net.world.graph.head.shape[0] + net.pieces.first_option[piece]
+    n_options = net.pieces.first_option[piece + 1] - net.pieces.first_option[piece]
+    n_levels = heights.shape[1] - 1
+    unit = net.reach[gate] / n_levels
+    out = net.world.graph.survival[net.pieces.arc[piece]]
+    home = net.world.graph.survival[net.pieces.back[piece]]
+    for at in range(n_levels + 1):
+        most, last = unit * at * out, 0.0
+        for k in range(n_options):
+            if k >= n:
+                tables.there[at, first + k] = tables.paid[at, first + k] = 0.0
+                continue
+            q, paid = most, heights[k, at] - slope[k] * most
+            if k + 1 < n:
+                q = (heights[k + 1, at] - heights[k, at]) / (slope[k + 1] - slope[k])
+                q = min(max(q, last), most)
+                paid = max(heights[k, at] - slope[k] * q, heights[k + 1, at] - slope[k + 1] * q)
+            tables.there[at, first + k] = min(q * home / unit, at * 1.0)
+            tables.paid[at, first + k] = paid
+            last = q
+
+
+@kernel
+def bound_excursions(
+    net: Net, states: States, prices: FloatArray, rule: Rule, tables: Tables
+) -> tuple[float, int]:
+    """Write the tables of all pieces beyond bridges, from the outermost inwards, and all moves.
+
+    Slopes are added where the lines may lie furthest above the hull, as in sandwich algorithms:
+    Rote, "The convergence rate of the sandwich algorithm for approximating convex functions",
+    Computing 48, 1992. Returns what :func:`relax` returns.
+    """
+    graph, pieces = net.world.graph, net.pieces
+    n_levels, n_arcs = prices.shape[1] - 1, graph.head.shape[0]
+    for at in range(n_levels + 1):
+        for arc in range(n_arcs):
+            there = net.ratio[arc] * at
+            tables.there[at, arc], tables.paid[at, arc] = there, chord(prices, graph.head[arc], there)
+    n_linear = _count_linear(prices) if np.isinf(rule.cap).all() else 1
+    level, n_most = _new_level(states, n_levels), tables.slope.shape[1]
+    heights, most = np.empty((n_most, n_levels + 1)), np.empty(n_levels + 1)
+    most_short, n_looks = _STRAIGHT * prices.max(), 0
+    for piece in range(pieces.entry.shape[0] - 1, 0, -1):
+        begin, n_states = states.begin[piece], states.begin[piece + 1] - states.begin[piece]
+        entry, first = pieces.entry[piece], n_arcs + pieces.first_option[piece]
+        out, home = graph.survival[pieces.arc[piece]], graph.survival[pieces.back[piece]]
+        if pieces.first_option[piece + 1] - pieces.first_option[piece] == 1:  # a dead end
+            for at in range(n_levels + 1):
+                tables.there[at, first] = at * out * home
+                tables.paid[at, first] = prices[entry, at]
+            continue
+        for at in range(n_levels + 1):
+            most[at] = net.reach[pieces.gate[piece]] * at / n_levels * out
+        slope, row, n = tables.slope[piece], tables.row[piece], 0
+        where, new = 0, _STEEP[0] * rule.steepest
+        while True:
+            # The table for the new slope, and its place among the others.
+            free = row[n]
+            for k in range(n, where, -1):
+                slope[k], row[k], heights[k] = slope[k - 1], row[k - 1], heights[k - 1]
+            slope[where], row[where] = new, free
+            n += 1
+            short, n_new = _solve(net, states, piece, new, tables, rule, level, n_linear)
+            n_looks += n_new
+            if short == np.inf:
+                if np.isinf(rule.cap).all():
+                    return np.inf, n_looks
+                short = 0.0
+                for at in range(n_levels + 1):
+                    for state in range(n_states):
+                        node = states.node[begin + state]
+                        survived = new * net.reach[node] * at / n_levels
+                        level.below[at, state] = rule.cap[node, at] + survived
+            most_short = max(most_short, short)
+            for state in range(n_states):
+                tables.values[free + state] = level.below[:, state]
+            for at in range(n_levels + 1):
+                heights[where, at] = prices[entry, at] + level.below[at, 0]
+            if n == n_most:
+                break
+            if n < 3:
+                where, new = n, _STEEP[n] * rule.steepest
+                continue
+            where, gap, new = _next_slope(slope, heights, n, most)
+            if where < 0 or gap < rule.enough:
+                break
+        tables.n_slopes[piece] = n
+        _write_options(net, piece, tables, heights, n)
+    return most_short, n_looks
+
+
+@kernel
+def relax(
+    net: Net, states: States, worth: Worth, rule: Rule, tables: Tables, values: FloatArray
+) -> tuple[float, int]:
+    """Write what lies ahead of each state of the base's piece, to a tolerance (n, n_levels + 1).
+
+    Levels are solved from the lowest up, each by policy iteration: Howard, "Dynamic Programming and
+    Markov Processes", MIT Press, 1960. Given the levels below, what lies ahead of a state is linear
+    in what lies ahead of the others, so that one choice of a link in each state can be valued at
+    once. Choices are improved until none can be. Nothing gets above the cap. Prices have to be
+    convex.
+
+    Returns the most by which a value falls short of the best that one step leads to, up to
+    rounding, inf where choices were improved too often; and how many links were looked at.
+    """
+    n_linear = _count_linear(worth.prices) if np.isinf(rule.cap).all() else 1
+    level = _new_level(states, worth.prices.shape[1] - 1)
+    short, n_looks = _solve(net, states, 0, worth.mu, tables, rule, level, n_linear)
+    for state in range(values.shape[0]):
+        values[state] = level.below[:, state]
+    return max(short, _STRAIGHT * worth.prices.max()), n_looks
 
 
 @kernel
 def follow(
-    net: Net, states: States, worth: Worth, values: FloatArray, turn: int, links: OffsetArray
+    net: Net,
+    states: States,
+    worth: Worth,
+    tables: Tables,
+    values: FloatArray,
+    turn: int,
+    arcs: OffsetArray,
+    paid: OffsetArray,
 ) -> tuple[int, float]:
-    """Write the links of the best relaxed trail that leaves the base.
+    """Write the arcs of the best relaxed trail that leaves the base, and whether visits pay.
 
-    Only at step ``turn`` it takes the second best link. It ends where ``links`` is full. Returns
-    how many links there are, and what the best relaxed trail is worth, at least 0.
+    Only at step ``turn`` it takes the second best link. It ends where ``arcs`` is full. Returns how
+    many arcs there are, and what the best relaxed trail is worth, at least 0.
     """
-    n_levels = values.shape[1] - 1
-    state, level, n, most = 0, float(n_levels), 0, 0.0
-    while n < links.shape[0]:
-        is_home = states.node[state] == net.world.team.start[0] and n > 0
-        best, second = worth.mu * level / n_levels if is_home else -1.0, -1.0
+    graph, pieces, prices = net.world.graph, net.pieces, worth.prices
+    n_levels, n_arcs, n_room = values.shape[1] - 1, graph.head.shape[0], arcs.shape[0]
+    # Of each excursion on the way: the state behind it, and the slope of the piece it began in.
+    after, slopes = np.empty(n_room + 1, np.int64), np.empty(n_room + 1, np.int64)
+    state, piece, k, alive, depth, n, step, most = 0, 0, 0, 1.0, 0, 0, 0, 0.0
+    while n < n_room - 1:
+        table = values if piece == 0 else tables.values
+        offset = 0 if piece == 0 else tables.row[piece, k] - states.begin[piece]
+        slope = worth.mu if piece == 0 else tables.slope[piece, k]
+        node = states.node[state]
+        level = min(alive / net.reach[node] * n_levels, n_levels * 1.0)
+        high = min(int(level) + 1, n_levels)
+        is_out = node == pieces.entry[piece] and (piece > 0 or n > 0)
+        best, second = slope * alive if is_out else -1.0, -1.0
         best_link = second_link = -1
         for link in range(states.first[state], states.first[state + 1]):
-            value = _value_of(net, states, worth.prices, values, link, level)
+            move = states.move[link]
+            part = level / high
+            there = tables.there[high, move] * part
+            value = chord(table, offset + states.to[link], there)
+            if states.pays[link]:
+                if move < n_arcs:
+                    value += chord(prices, graph.head[move], there)
+                else:
+                    value += tables.paid[high, move] * part
             if n == 0:
                 most = max(most, value)
             if value > best + _SAME:
                 second, second_link, best, best_link = best, best_link, value, link
             elif value > second:
                 second, second_link = value, link
-        if n == turn and second_link >= 0:
+        if step == turn and second_link >= 0:
             best_link = second_link
+        step += 1
         if best_link < 0:
-            break
-        links[n] = best_link
+            if piece == 0:
+                break
+            arcs[n], paid[n] = pieces.back[piece], 0
+            alive *= graph.survival[pieces.back[piece]]
+            n += 1
+            depth -= 1
+            state, k = after[depth], slopes[depth]
+            piece = _piece_of(states, state)
+            continue
+        move, to = states.move[best_link], states.to[best_link]
+        if move < n_arcs:
+            alive *= graph.survival[move]
+            arcs[n], paid[n] = move, int(states.pays[best_link])
+            n += 1
+            state = to
+            continue
+        child = pieces.of_option[move - n_arcs]
+        arcs[n], paid[n] = pieces.arc[child], int(graph.reward[pieces.entry[child]] > 0.0)
+        alive *= graph.survival[pieces.arc[child]]
         n += 1
-        level *= net.ratio[states.arc[best_link]]
-        state = states.to[best_link]
+        if pieces.first_option[child + 1] - pieces.first_option[child] == 1:
+            arcs[n], paid[n] = pieces.back[child], 0
+            alive *= graph.survival[pieces.back[child]]
+            n += 1
+            state = to
+            continue
+        # In the piece, survival is worth the slope of what follows.
+        there = tables.there[high, move] * level / high
+        low = min(int(there), n_levels - 1)
+        rise = table[offset + to, low + 1] - table[offset + to, low]
+        wanted = rise * n_levels / net.reach[node] * graph.survival[pieces.back[child]]
+        after[depth], slopes[depth] = to, k
+        depth += 1
+        k = 0
+        for other in range(tables.n_slopes[child]):
+            if abs(tables.slope[child, other] - wanted) < abs(tables.slope[child, k] - wanted):
+                k = other
+        state, piece = states.begin[child], child
     return n, most
+
+
+@inlined
+def _piece_of(states: States, state: int) -> int:
+    """Return the piece that a state belongs to."""
+    return int(np.searchsorted(states.begin, state, "right") - 1)

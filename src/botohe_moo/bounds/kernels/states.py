@@ -1,10 +1,16 @@
 """What a relaxed trail remembers: states (node, memory), and the links between them.
 
-A relaxed trail may collect a node's reward, or take an arc, more than once where it has forgotten
-that it did. A memory is a mask of bits. At each node some visits and arcs can be remembered; what
-the next node cannot remember is forgotten on the way there. These are ng-routes: Baldacci, Mingozzi
-and Roberti, "New route relaxation and pricing strategies for the vehicle routing problem",
-Operations Research 59(5), 2011.
+Bridges cut the graph into pieces, which form a tree. A trail takes the arc into a piece at most
+once, and has to come back over the same bridge: its part beyond the bridge is an *excursion*. Each
+piece has states of its own, and a link for each excursion that begins in it, which leads back to
+the gate. So nothing beyond a bridge has to be remembered on this side of it, or the other way
+round.
+
+Inside a piece, a relaxed trail may collect a node's reward, take an arc, or make an excursion, more
+than once where it has forgotten that it did. A memory is a mask of bits. At each node some visits
+and arcs can be remembered; what the next node cannot remember is forgotten on the way there. These
+are ng-routes: Baldacci, Mingozzi and Roberti, "New route relaxation and pricing strategies for the
+vehicle routing problem", Operations Research 59(5), 2011.
 """
 
 from typing import NamedTuple
@@ -27,6 +33,25 @@ NONE = -1
 NEVER = -2
 
 
+class Pieces(NamedTuple):
+    """The pieces between bridges, each after the one above it; that of the base is the first."""
+
+    of: OffsetArray  # the piece of each node (n_nodes)
+    # Of each piece: the node where trails enter and leave it, which is the base in the first; the
+    # node above it on the other side of the bridge; and the arcs over the bridge (n_pieces). The
+    # first piece has −1 for what it lacks.
+    entry: OffsetArray
+    gate: OffsetArray
+    arc: OffsetArray
+    back: OffsetArray
+    # Moves of an excursion into piece i are n_arcs + ``first_option[i]`` to n_arcs +
+    # ``first_option[i + 1]``: one if the piece is a dead end of one node (n_pieces + 1).
+    first_option: OffsetArray
+    of_option: OffsetArray  # the piece of each option (n_options)
+    into: OffsetArray  # the piece that each arc enters over a bridge, or −1 (n_arcs)
+    is_back: BoolArray  # whether each arc leaves a piece over its bridge (n_arcs)
+
+
 class Net(NamedTuple):
     """A mission as a bound sees it: without arcs that no plan needs."""
 
@@ -40,6 +65,7 @@ class Net(NamedTuple):
     home_length: FloatArray  # of the shortest way home (n_nodes)
     min_survival: float
     max_length: float
+    pieces: Pieces
 
     @property
     def graph(self) -> Graph:
@@ -53,14 +79,17 @@ class Net(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What the bits of the nodes' masks mean for arcs."""
+    """What the bits of the nodes' masks mean for arcs.
+
+    An arc into another piece stands for the whole excursion, and ends at its own tail.
+    """
 
     n_bits: OffsetArray  # of each node's mask (n_nodes)
-    # Bits that are remembered at both ends of arc a, as pairs (at its tail, at its head):
+    # Bits that are remembered at both ends of arc a, as pairs (at its tail, at its end):
     # ``kept[first_kept[a]:first_kept[a + 1]]``.
     first_kept: OffsetArray
     kept: OffsetArray
-    adds: OffsetArray  # the mask that each arc adds at its head (n_arcs)
+    adds: OffsetArray  # the mask that each arc adds at its end (n_arcs)
     # The bit at the arc's tail with which its head pays nothing: ``NONE`` where it always pays,
     # ``NEVER`` where it never does (n_arcs).
     unpaid: OffsetArray
@@ -68,23 +97,17 @@ class Memory(NamedTuple):
 
 
 class States(NamedTuple):
-    """States that are reached from base; the first is the base with nothing to remember."""
+    """States of all pieces; the first of each piece is its entry with nothing to remember."""
 
+    begin: OffsetArray  # those of piece i are ``begin[i]`` to ``begin[i + 1]`` (n_pieces + 1)
     node: OffsetArray  # (n_states)
     # The links that leave state s are ``first[s]`` to ``first[s + 1]`` (n_states + 1).
     first: OffsetArray
-    # Of each link its arc, the state that it enters, and whether the reward of the arc's head is
-    # collected (n_links).
-    arc: OffsetArray
+    # Of each link its move (an arc within the piece, or an option of an excursion), the state that
+    # it ends in, and whether it collects what the move pays (n_links).
+    move: OffsetArray
     to: OffsetArray
     pays: BoolArray
-
-
-class Worth(NamedTuple):
-    """What a trail is worth: the prices of its visits, and ``mu`` for survival."""
-
-    prices: FloatArray  # (n_nodes, n_levels + 1)
-    mu: float
 
 
 @inlined
@@ -98,17 +121,20 @@ def _next_mask(memory: Memory, arc: int, mask: int) -> int:
     return int(after)
 
 
+@inlined
+def _n_links(pieces: Pieces, arc: int) -> int:
+    """Return how many links an arc gives: none back over a bridge, one for each option into it."""
+    if pieces.is_back[arc]:
+        return 0
+    into = pieces.into[arc]
+    return int(pieces.first_option[into + 1] - pieces.first_option[into]) if into >= 0 else 1
+
+
 @kernel
 def find_states(net: Net, memory: Memory, n_most: int) -> States:
-    """Find all states that are reached from base; none where there are more than ``n_most``.
-
-    The links of each state descend by the ratio of their arcs.
-    """
-    graph, base = net.world.graph, net.world.team.start[0]
-    n_nodes, order = graph.reward.shape[0], np.empty(graph.head.shape[0], np.int64)
-    for node in range(n_nodes):
-        first, end = graph.first[node], graph.first[node + 1]
-        order[first:end] = first + np.argsort(-net.ratio[first:end], kind="mergesort")
+    """Find all states that are reached from the entries; none if there are over ``n_most``."""
+    graph, pieces = net.world.graph, net.pieces
+    n_nodes, n_arcs, n_pieces = graph.reward.shape[0], graph.head.shape[0], pieces.entry.shape[0]
     offset = np.zeros(n_nodes + 1, np.int64)
     for i in range(n_nodes):
         offset[i + 1] = offset[i] + (1 << memory.n_bits[i])
@@ -117,37 +143,46 @@ def find_states(net: Net, memory: Memory, n_most: int) -> States:
         offset[n_nodes] = 1
     number = np.full(offset[n_nodes], -1, np.int32)
     node_of, mask = np.empty(n_most + 1, np.int64), np.empty(n_most + 1, np.int64)
-    n, n_links, at = 1, 0, 0
-    node_of[0], mask[0] = base, 0
-    if n_most > 0:
-        number[offset[base]] = 0
-    while at < n and n <= n_most:
-        tail = node_of[at]
-        for arc in order[graph.first[tail] : graph.first[tail + 1]]:
-            after = _next_mask(memory, arc, mask[at])
-            if after < 0:
-                continue
-            n_links += 1
-            to = graph.head[arc]
-            if number[offset[to] + after] < 0 and n <= n_most:
-                number[offset[to] + after] = n
-                node_of[n], mask[n] = to, after
-                n += 1
-        at += 1
+    begin = np.zeros(n_pieces + 1, np.int64)
+    n = n_links = at = 0
+    for piece in range(n_pieces):
+        if n < n_most:
+            number[offset[pieces.entry[piece]]] = n
+            node_of[n], mask[n] = pieces.entry[piece], 0
+        n += 1
+        while at < n and n <= n_most:
+            tail = node_of[at]
+            for arc in range(graph.first[tail], graph.first[tail + 1]):
+                n_new = _n_links(pieces, arc)
+                after = _next_mask(memory, arc, mask[at]) if n_new > 0 else -1
+                if after < 0:
+                    continue
+                n_links += n_new
+                to = graph.head[arc] if pieces.into[arc] < 0 else tail
+                if number[offset[to] + after] < 0 and n <= n_most:
+                    number[offset[to] + after] = n
+                    node_of[n], mask[n] = to, after
+                    n += 1
+            at += 1
+        begin[piece + 1] = n
     if n > n_most:
         n = n_links = 0
     first_link, pays = np.zeros(n + 1, np.int64), np.zeros(n_links, np.bool_)
-    way, target = np.empty(n_links, np.int64), np.empty(n_links, np.int64)
+    move, target = np.empty(n_links, np.int64), np.empty(n_links, np.int64)
     link = 0
     for state in range(n):
         tail = node_of[state]
-        for arc in order[graph.first[tail] : graph.first[tail + 1]]:
-            after = _next_mask(memory, arc, mask[state])
+        for arc in range(graph.first[tail], graph.first[tail + 1]):
+            n_new, into = _n_links(pieces, arc), pieces.into[arc]
+            after = _next_mask(memory, arc, mask[state]) if n_new > 0 else -1
             if after < 0:
                 continue
-            way[link], target[link] = arc, number[offset[graph.head[arc]] + after]
             unpaid = memory.unpaid[arc]
-            pays[link] = unpaid == NONE or (unpaid >= 0 and not (mask[state] >> unpaid) & 1)
-            link += 1
+            is_paid = unpaid == NONE or (unpaid >= 0 and not (mask[state] >> unpaid) & 1)
+            for i in range(n_new):
+                move[link] = arc if into < 0 else n_arcs + pieces.first_option[into] + i
+                target[link] = number[offset[graph.head[arc] if into < 0 else tail] + after]
+                pays[link] = into >= 0 or is_paid
+                link += 1
         first_link[state + 1] = link
-    return States(node_of[:n].copy(), first_link, way, target, pays)
+    return States(begin, node_of[:n].copy(), first_link, move, target, pays)

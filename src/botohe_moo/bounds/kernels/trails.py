@@ -10,18 +10,22 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo.base.types import FloatArray, IntArray, OffsetArray, Record, RecordArray, SeedArray
-from botohe_moo.bounds.kernels.relaxed import chord
-from botohe_moo.bounds.kernels.states import ROUNDING, Net, States, Worth
+from botohe_moo.bounds.kernels.relaxed import Worth, chord
+from botohe_moo.bounds.kernels.states import ROUNDING, Net, States
 from botohe_moo.core.compile import inlined, kernel
 from botohe_moo.core.walk import new_visits, walk
 from botohe_moo.core.world import World
 
 # Survivals that are this much below a step of stairs, relative, count as on it.
 _EDGE = 1e-13
-_LINK = 16  # how many numbers are written in the time that trying a link takes
+_LINK = 16  # how many numbers are written in the time that trying a move takes
 
 _STEP = np.dtype(
-    [(name, np.int64) for name in ("state", "link", "arc", "pays")]
+    # ``back`` is the arc back from a dead end of one node, and ``pays`` a node that pays; else −1.
+    # ``context`` is the depth at which the present excursion began.
+    [(name, np.int64) for name in ("state", "link", "arc", "back", "pays", "context")]
+    # Of an excursion that begins at this depth: the state behind it, and the context there.
+    + [(name, np.int64) for name in ("after", "outer")]
     + [(name, np.float64) for name in ("alive", "value", "length")]
     + [(name, np.uint64) for name in ("low", "high")]
 )
@@ -35,13 +39,20 @@ class Completions(NamedTuple):
     """Bounds on what lies ahead, under several prices of survival and of visits at once.
 
     Line m: what a partial trail becomes worth whose robot comes home with probability s or more is
-    at most what it is worth so far + ``values[m]`` + ``beside`` of all nodes not yet visited
-    − ``mu[m]`` · s.
+    at most what it is worth so far + what lies ahead by ``values[m]`` + ``beside`` of all nodes not
+    yet visited − ``mu[m]`` · s.
     """
 
-    values: FloatArray  # (n_lines, n_states, n_levels + 1)
+    values: FloatArray  # of the base's piece (n_lines, n_states there, n_levels + 1)
     mu: FloatArray  # (n_lines)
     beside: FloatArray  # (n_lines, n_nodes)
+    # The tables of all other pieces, which lines with the same prices of visits share: which each
+    # line has (n_lines), and what ``Tables`` holds, for each of them.
+    tables: OffsetArray
+    n_slopes: OffsetArray
+    slope: FloatArray
+    row: OffsetArray
+    inside: FloatArray
 
 
 class Stairs(NamedTuple):
@@ -62,7 +73,7 @@ class TrailRule(NamedTuple):
     # each trail found raises the stairs to its worth and ``slack`` more.
     every: bool
     slack: float
-    n_most: int  # links to try at most
+    n_most: int  # moves to try at most
 
 
 class Corners(NamedTuple):
@@ -88,6 +99,9 @@ class Depths(NamedTuple):
     steps: RecordArray  # of the partial trail (n_arcs + 2)
     # At each step the sum of ``Completions.beside`` of the nodes not visited (n_arcs + 2, n_lines).
     left: FloatArray
+    # Of each excursion, by the depth at which it began: what lies ahead of the state behind it, for
+    # each line and level of the gate (n_arcs + 2, n_lines, n_levels + 1).
+    ahead: FloatArray
     used: OffsetArray  # the last search in which an arc is on the partial trail (n_arcs)
     met: OffsetArray  # the same of nodes that have paid (n_nodes)
     keys: SeedArray  # random bits of each arc (n_arcs, 2)
@@ -96,7 +110,12 @@ class Depths(NamedTuple):
 
 
 def new_depths(
-    net: Net, random_state: np.random.Generator, n_seen: int, n_room: int, n_lines: int
+    net: Net,
+    random_state: np.random.Generator,
+    n_seen: int,
+    n_room: int,
+    n_lines: int,
+    n_levels: int,
 ) -> Depths:
     """Return the scratch for ``n_seen`` sets of arcs, a power of 2, and ``n_room`` trails."""
     n_arcs, n_nodes = net.graph.n_arcs, net.graph.n_nodes
@@ -106,6 +125,7 @@ def new_depths(
         n_arcs=np.zeros(n_room, np.int64),
         steps=np.zeros(n_arcs + 2, _STEP).view(np.recarray),
         left=np.zeros((n_arcs + 2, n_lines)),
+        ahead=np.zeros((n_arcs + 2, n_lines, n_levels + 1)),
         used=np.full(n_arcs, -1, np.int64),
         met=np.full(n_nodes, -1, np.int64),
         keys=random_state.integers(2**64, size=(n_arcs, 2), dtype=np.uint64),
@@ -172,8 +192,8 @@ def _begin(depths: Depths, states: States, ahead: Completions) -> int:
     depths.found.n_searches += 1
     depths.found.n_trails = 0
     step = depths.steps[0]
-    step.state, step.link, step.arc, step.pays = 0, states.first[0], -1, 0
-    step.alive, step.value, step.length = 1.0, 0.0, 0.0
+    step.state, step.link, step.arc, step.back, step.pays = 0, states.first[0], -1, -1, -1
+    step.context, step.alive, step.value, step.length = 0, 1.0, 0.0, 0.0
     step.low, step.high = 0, 0
     for line in range(ahead.mu.shape[0]):
         depths.left[0, line] = ahead.beside[line].sum()
@@ -181,23 +201,31 @@ def _begin(depths: Depths, states: States, ahead: Completions) -> int:
 
 
 @inlined
-def _take_back(depths: Depths, depth: int, head: OffsetArray) -> None:
-    """Take the last arc of the partial trail back."""
+def _take_back(depths: Depths, depth: int) -> None:
+    """Take the last move of the partial trail back."""
     last = depths.steps[depth]
     depths.used[last.arc] = -1
-    if last.pays:
-        depths.met[head[last.arc]] = -1
+    if last.back >= 0:
+        depths.used[last.back] = -1
+    if last.pays >= 0:
+        depths.met[last.pays] = -1
 
 
 @inlined
-def _record(depths: Depths, depth: int, arc: int) -> None:
-    """Write the arcs of the partial trail and one more; in a full table over the last trail."""
+def _record(depths: Depths, depth: int, arc: int, back: int) -> None:
+    """Write the arcs of the partial trail and of one more move; in a full table over the last."""
     row = min(depths.found.n_trails, depths.n_arcs.shape[0] - 1)
     depths.found.n_trails += 1
-    depths.n_arcs[row] = depth + 1
-    for i in range(depth):
-        depths.arcs[row, i] = depths.steps[i + 1].arc
-    depths.arcs[row, depth] = arc
+    n = 0
+    for i in range(1, depth + 2):
+        first = depths.steps[i].arc if i <= depth else arc
+        second = depths.steps[i].back if i <= depth else back
+        depths.arcs[row, n] = first
+        n += 1
+        if second >= 0:
+            depths.arcs[row, n] = second
+            n += 1
+    depths.n_arcs[row] = n
 
 
 @inlined
@@ -208,6 +236,45 @@ def _is_seen(depths: Depths, search: int, low: int, high: int, value: float) -> 
         return True
     seen.search, seen.low, seen.high, seen.value = search, low, high, value
     return False
+
+
+@inlined
+def _ahead_of(
+    net: Net,
+    states: States,
+    ahead: Completions,
+    outside: FloatArray,
+    line: int,
+    piece: int,
+    state: int,
+    alive: float,
+) -> float:
+    """Bound what lies ahead of a state, by one line.
+
+    Beyond a bridge that is the most over all corners (q, w) of the hull of what is left of the
+    excursion: w, and what lies ahead of the gate with q, which ``outside`` holds (n_lines,
+    n_levels + 1).
+    """
+    n_levels = ahead.values.shape[2] - 1
+    level = min(alive / net.reach[states.node[state]] * n_levels, n_levels * 1.0)
+    if piece == 0:
+        return chord(ahead.values[line], state, level)
+    which, gate = ahead.tables[line], net.pieces.gate[piece]
+    table, slope, row = ahead.inside[which], ahead.slope[which, piece], ahead.row[which, piece]
+    unit = net.world.graph.survival[net.pieces.back[piece]] / net.reach[gate] * n_levels
+    n, local = ahead.n_slopes[which, piece], state - states.begin[piece]
+    best, q, height = 0.0, 0.0, chord(table, row[0] + local, level)
+    for k in range(n):
+        if k + 1 < n:
+            after = chord(table, row[k + 1] + local, level)
+            q = min(max((after - height) / (slope[k + 1] - slope[k]), q), alive)
+            worth = max(height - slope[k] * q, after - slope[k + 1] * q)
+            height = after
+        else:
+            q = alive
+            worth = height - slope[k] * q
+        best = max(best, worth + chord(outside, line, min(q * unit, n_levels * 1.0)))
+    return best
 
 
 @kernel
@@ -222,11 +289,11 @@ def find_trails(
 ) -> int:
     """Find trails above the stairs; unless ``every`` one is wanted, each raises the stairs.
 
-    Returns how many links were tried, negative where ``n_most`` or the room was not enough.
+    Returns how many moves were tried, negative where ``n_most`` or the room was not enough.
     """
     prices, mu, heights, width = worth.prices, worth.mu, stairs.heights, stairs.width
-    graph, home, base = net.world.graph, net.world.ways.home, net.world.team.start[0]
-    found, steps = depths.found, depths.steps
+    graph, home, pieces = net.world.graph, net.world.ways.home, net.pieces
+    found, steps, base, n_arcs = depths.found, depths.steps, net.world.team.start[0], net.ratio.shape[0]
     n_levels, n_lines, n_stairs = prices.shape[1] - 1, ahead.mu.shape[0], heights.shape[0]
     least = max(stairs.least, net.min_survival) * (1.0 - ROUNDING)
     first, most = _step_of(least, width, n_stairs), np.empty(n_lines)
@@ -238,16 +305,36 @@ def find_trails(
         last = steps[depth]
         if last.link == states.first[last.state + 1]:
             if depth > 0:
-                _take_back(depths, depth, graph.head)
+                _take_back(depths, depth)
             depth -= 1
             continue
         link = last.link
         last.link += 1
-        arc = states.arc[link]
+        context, back, child = last.context, -1, -1
+        piece = pieces.of[states.node[last.state]]
+        if link < states.first[last.state]:  # back over the bridge
+            arc, to = pieces.back[piece], steps[context].after
+            context = steps[context].outer
+        else:
+            arc, to = states.move[link], states.to[link]
+            if arc >= n_arcs:
+                child = pieces.of_option[arc - n_arcs]
+                if arc > n_arcs + pieces.first_option[child]:
+                    continue  # the search makes the excursion itself
+                is_dead_end = pieces.first_option[child + 1] - pieces.first_option[child] == 1
+                arc = pieces.arc[child]
+                if is_dead_end:
+                    back, child = pieces.back[child], -1
+                else:
+                    to = states.begin[child]
         if depths.used[arc] == search:
             continue
-        node, alive = graph.head[arc], last.alive * graph.survival[arc]
-        length = last.length + graph.length[arc]
+        visit, node = graph.head[arc], states.node[to]
+        there = last.alive * graph.survival[arc]
+        alive, length = there, last.length + graph.length[arc]
+        if back >= 0:
+            alive *= graph.survival[back]
+            length += graph.length[back]
         at_home = alive * home[node]
         if at_home < least:
             continue
@@ -256,10 +343,10 @@ def find_trails(
         n += 1
         if n > rule.n_most:
             break
-        level, value, pays = alive / net.reach[node] * n_levels, last.value, 0
-        if graph.reward[node] > 0.0 and depths.met[node] != search and node != base:
-            value += chord(prices, node, level)
-            pays = 1
+        value, pays = last.value, -1
+        if graph.reward[visit] > 0.0 and depths.met[visit] != search and visit != base:
+            value += chord(prices, visit, there / net.reach[visit] * n_levels)
+            pays = visit
         if node == base:
             at = _step_of(alive, width, n_stairs)
             if value + mu * alive > heights[at]:
@@ -269,27 +356,53 @@ def find_trails(
                     n += (n_stairs + depth) // _LINK  # what this takes
                 elif found.n_trails == depths.n_arcs.shape[0]:
                     break
-                _record(depths, depth, arc)
+                _record(depths, depth, arc, back)
+        outside = depths.ahead[context]
+        if child >= 0:
+            context = depth + 1
+            highest = min(int(last.alive / net.reach[pieces.gate[child]] * n_levels) + 2, n_levels + 1)
+            for line in range(n_lines):
+                for at in range(highest):
+                    gate = net.reach[pieces.gate[child]] * at / n_levels
+                    depths.ahead[context, line, at] = _ahead_of(
+                        net, states, ahead, outside, line, piece, states.to[link], gate
+                    )
+            outside, piece = depths.ahead[context], child
+            n += n_lines * highest // _LINK
+        elif link < states.first[last.state]:
+            piece = pieces.of[node]
         for line in range(n_lines):
-            left = depths.left[depth, line] - pays * ahead.beside[line, node]
+            left = depths.left[depth, line]
+            if pays >= 0:
+                left -= ahead.beside[line, pays]
             depths.left[depth + 1, line] = left
-            most[line] = value + left + chord(ahead.values[line], states.to[link], level)
+            most[line] = value + left + _ahead_of(
+                net, states, ahead, outside, line, piece, to, alive
+            )
         highest = _step_of(at_home, width, n_stairs)
         exceeded = _exceeded(most, ahead.mu, corners, highest, latest)
         if exceeded < 0:
             continue
         latest = exceeded
         low, high = last.low ^ depths.keys[arc, 0], last.high ^ depths.keys[arc, 1]
+        if back >= 0:
+            low, high = low ^ depths.keys[back, 0], high ^ depths.keys[back, 1]
         if not rule.every and _is_seen(depths, search, low, high, value):
             continue
+        after, outer = states.to[link] if child >= 0 else -1, last.context
         depth += 1
         step = steps[depth]
-        to = states.to[link]
-        step.state, step.link, step.arc, step.pays = to, states.first[to], arc, pays
+        step.state, step.arc, step.back, step.pays, step.context = to, arc, back, pays, context
+        step.link = states.first[to]
+        if piece > 0 and node == pieces.entry[piece]:
+            step.link -= 1
+        step.after, step.outer = after, outer
         step.alive, step.value, step.length, step.low, step.high = alive, value, length, low, high
         depths.used[arc] = search
-        if pays:
-            depths.met[node] = search
+        if back >= 0:
+            depths.used[back] = search
+        if pays >= 0:
+            depths.met[pays] = search
     return n if depth < 0 else -n
 
 
