@@ -1,8 +1,8 @@
 """Trails that are worth the most: depth-first search, bounded by what relaxed trails are worth.
 
-Partial trails that use the same arcs are at the same node, alive with the same probability, and
-have visited the same nodes. Only the most valuable of them is extended. A set of arcs is recognised
-by 128 random bits.
+Partial trails that use the same arcs, except inside pieces that they have left, are at the same
+node and can go on in the same ways. One is extended only if none before it was worth as much, alive
+with as high a probability and as short. A set of arcs is recognised by 128 random bits.
 """
 
 from typing import NamedTuple
@@ -17,20 +17,24 @@ from botohe_moo.core.walk import new_visits, walk
 from botohe_moo.core.world import World
 
 # Survivals that are this much below a step of stairs, relative, count as on it.
-_EDGE = 1e-13
+_EDGE = 5e-13
+_UNIT = 2.0**52  # of costs
+_WAYS = 8  # partial trails that are remembered at one place
 _LINK = 16  # how many numbers are written in the time that trying a move takes
 
 _STEP = np.dtype(
     # ``back`` is the arc back from a dead end of one node, and ``pays`` a node that pays; else −1.
     # ``context`` is the depth at which the present excursion began.
     [(name, np.int64) for name in ("state", "link", "arc", "back", "pays", "context")]
-    # Of an excursion that begins at this depth: the state behind it, and the context there.
-    + [(name, np.int64) for name in ("after", "outer")]
+    # Of an excursion that begins at this depth: the state behind it, and the context there. ``cost``
+    # is −log of the survival, in units that keep it an integer: sums do not depend on their order.
+    + [(name, np.int64) for name in ("after", "outer", "cost")]
     + [(name, np.float64) for name in ("alive", "value", "length")]
     + [(name, np.uint64) for name in ("low", "high")]
 )
 _SEEN = np.dtype(
-    [("low", np.uint64), ("high", np.uint64), ("value", np.float64), ("search", np.int64)]
+    [("low", np.uint64), ("high", np.uint64), ("cost", np.int64), ("search", np.int64)]
+    + [("value", np.float64), ("length", np.float64)]
 )
 _FOUND = np.dtype([("n_trails", np.int64), ("n_searches", np.int64)])
 
@@ -105,6 +109,7 @@ class Depths(NamedTuple):
     used: OffsetArray  # the last search in which an arc is on the partial trail (n_arcs)
     met: OffsetArray  # the same of nodes that have paid (n_nodes)
     keys: SeedArray  # random bits of each arc (n_arcs, 2)
+    cost: OffsetArray  # of each arc (n_arcs)
     # Sets of arcs that were extended, the last one for each place that their bits give.
     seen: RecordArray
 
@@ -129,6 +134,7 @@ def new_depths(
         used=np.full(n_arcs, -1, np.int64),
         met=np.full(n_nodes, -1, np.int64),
         keys=random_state.integers(2**64, size=(n_arcs, 2), dtype=np.uint64),
+        cost=np.rint(-np.log(net.graph.survival) * _UNIT).astype(np.int64),
         seen=np.zeros(n_seen, _SEEN).view(np.recarray),
     )
 
@@ -194,7 +200,7 @@ def _begin(depths: Depths, states: States, ahead: Completions) -> int:
     step = depths.steps[0]
     step.state, step.link, step.arc, step.back, step.pays = 0, states.first[0], -1, -1, -1
     step.context, step.alive, step.value, step.length = 0, 1.0, 0.0, 0.0
-    step.low, step.high = 0, 0
+    step.low, step.high, step.cost = 0, 0, 0
     for line in range(ahead.mu.shape[0]):
         depths.left[0, line] = ahead.beside[line].sum()
     return int(depths.found.n_searches)
@@ -229,12 +235,24 @@ def _record(depths: Depths, depth: int, arc: int, back: int) -> None:
 
 
 @inlined
-def _is_seen(depths: Depths, search: int, low: int, high: int, value: float) -> bool:
-    """Return whether these arcs were extended with as much value; if not, remember them."""
-    seen = depths.seen[np.int64(low & np.uint64(depths.seen.shape[0] - 1))]
-    if seen.search == search and seen.low == low and seen.high == high and seen.value >= value:
-        return True
+def _is_seen(
+    depths: Depths, search: int, low: int, high: int, cost: int, value: float, length: float
+) -> bool:
+    """Return whether a partial trail that is as good was extended; if not, remember this one."""
+    first = np.int64(low & np.uint64(depths.seen.shape[0] // _WAYS - 1)) * _WAYS
+    place = first + np.int64(cost & (_WAYS - 1))
+    for at in range(first, first + _WAYS):
+        seen = depths.seen[at]
+        if seen.search != search:
+            place = at
+        elif seen.low == low and seen.high == high:
+            if seen.value >= value and seen.cost <= cost and seen.length <= length:
+                return True
+            if seen.value <= value and seen.cost >= cost and seen.length >= length:
+                place = at
+    seen = depths.seen[place]
     seen.search, seen.low, seen.high, seen.value = search, low, high, value
+    seen.cost, seen.length = cost, length
     return False
 
 
@@ -385,9 +403,15 @@ def find_trails(
             continue
         latest = exceeded
         low, high = last.low ^ depths.keys[arc, 0], last.high ^ depths.keys[arc, 1]
+        if link < states.first[last.state]:
+            # After an excursion, it does not matter which arcs it took.
+            entered = steps[last.context]
+            low, high = entered.low ^ depths.keys[arc, 0], entered.high ^ depths.keys[arc, 1]
         if back >= 0:
             low, high = low ^ depths.keys[back, 0], high ^ depths.keys[back, 1]
-        if not rule.every and _is_seen(depths, search, low, high, value):
+        cost = last.cost + depths.cost[arc] + (depths.cost[back] if back >= 0 else 0)
+        budgeted = length if net.max_length < np.inf else 0.0
+        if not rule.every and _is_seen(depths, search, low, high, cost, value, budgeted):
             continue
         after, outer = states.to[link] if child >= 0 else -1, last.context
         depth += 1
@@ -396,7 +420,7 @@ def find_trails(
         step.link = states.first[to]
         if piece > 0 and node == pieces.entry[piece]:
             step.link -= 1
-        step.after, step.outer = after, outer
+        step.after, step.outer, step.cost = after, outer, cost
         step.alive, step.value, step.length, step.low, step.high = alive, value, length, low, high
         depths.used[arc] = search
         if back >= 0:
