@@ -1,6 +1,6 @@
 """Relaxed trails and exact ones, beside readable twins: dictionaries of states, and all trails."""
 
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import networkx as nx
 import numpy as np
@@ -9,10 +9,12 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from botohe_moo import Mission
-from botohe_moo.bounds.kernels.relaxed import follow, relax
-from botohe_moo.bounds.kernels.states import Worth, find_states
-from botohe_moo.bounds.kernels.trails import Completions, Stairs, TrailRule, find_trails, new_depths
-from botohe_moo.bounds.net import Remembered, new_net, pieces_of
+from botohe_moo.bounds import net as net_module
+from botohe_moo.bounds.kernels.relaxed import Rule, Worth, bound_excursions, follow, relax
+from botohe_moo.bounds.kernels.states import find_states
+from botohe_moo.bounds.kernels.trails import Stairs, TrailRule, find_trails, new_depths
+from botohe_moo.bounds.net import RelaxedTrail, Remembered, arcs_by_ends, new_net, pieces_of
+from botohe_moo.bounds.relaxation import Ahead, completions, new_tables
 from tests import twins
 from tests.examples import examples
 from tests.strategies import missions
@@ -50,13 +52,8 @@ def value_of(net, trail, prices, mu):
 
 def states_by_dictionary(net, remembered):
     """What ``find_states`` finds: states as (node, set of bits), and their links."""
-    graph, n = net.graph, net.graph.n_nodes
-    backs = (
-        {piece.back: piece.arc for piece in pieces_of(net.world)[1:]}
-        if any(remembered.bits)
-        else {}
-    )
-    found, todo = {}, [(net.base, frozenset())]
+    graph, pieces, n = net.graph, net.pieces, net.graph.n_nodes
+    found, todo = {}, [(entry, frozenset()) for entry in pieces.entry.tolist()]
     while todo:
         state = todo.pop()
         if state in found:
@@ -64,100 +61,172 @@ def states_by_dictionary(net, remembered):
         found[state] = links = {}
         node, bits = state
         for arc in range(graph.first[node], graph.first[node + 1]):
-            if n + arc in bits:
+            if n + arc in bits or pieces.is_back[arc]:
                 continue
             head = int(graph.head[arc])
-            taken = {n + arc, n + backs.get(arc, arc)} | (
-                {head} if graph.reward[head] > 0 else set()
-            )
-            after = frozenset((bits | taken) & set(remembered.bits[head]))
-            pays = graph.reward[head] > 0 and arc not in backs and head not in bits
-            links[arc] = ((head, after), pays)
-            todo.append((head, after))
+            end = node if pieces.into[arc] >= 0 else head
+            pays = graph.reward[head] > 0 and end == head and head not in pieces.entry
+            taken = {n + arc, head} if pays else {n + arc}
+            after = frozenset((bits | taken) & set(remembered.bits[end]))
+            links[arc] = ((end, after), pays and head not in bits)
+            todo.append((end, after))
     return found
 
 
-def values_by_dictionary(net, states, prices, mu):
-    """Value iteration from below, all states at once."""
-    levels = np.arange(N_LEVELS + 1)
-    values = {state: np.zeros(N_LEVELS + 1) for state in states}
-    for _ in range(3_000):
-        change = 0.0
-        for (node, bits), links in states.items():
-            best = mu * levels / N_LEVELS if node == net.base else np.zeros(N_LEVELS + 1)
-            for arc, (to, pays) in links.items():
-                there = net.ratio[arc] * levels
-                value = np.interp(there, levels, values[to])
-                best = np.maximum(best, value + pays * price_at(prices, to[0], there))
-            change = max(change, (best - values[node, bits]).max())
-            values[node, bits] = best
-        if change < 1e-13:
-            return values
-    return None
+def corners_of(net, piece, tables, heights, level):
+    """The excursions into a piece that may be the best for what follows: (survival, worth).
+
+    Each pair of slopes gives one, if all the others allow it.
+    """
+    slopes = tables.slope[piece, : len(heights)]
+    alive = net.reach[net.pieces.gate[piece]] * level / N_LEVELS
+    alive *= net.graph.survival[net.pieces.arc[piece]]
+    found = [0.0, alive]
+    for (a, h), (b, k) in combinations(zip(slopes, heights, strict=True), 2):
+        found.append(min(max((k - h) / (b - a), 0.0), alive))
+    return [(q, min(h - a * q for a, h in zip(slopes, heights, strict=True))) for q in found]
 
 
-def shortfall(net, states, prices, mu, cap, values):
-    """The most by which a value falls short of the best that one step leads to."""
+def values_by_dictionary(net, states, prices, mu, tables):
+    """Value iteration from below, all states of a piece at once, for the slopes of the tables.
+
+    Returns what lies ahead at the base, and at the entry of each other piece by slope.
+    """
+    levels, pieces, graph = np.arange(N_LEVELS + 1), net.pieces, net.graph
+    heights = {}  # by piece and level, for each slope
+
+    def excursion(piece, after):
+        """What is worth the most at each level: an excursion, and what lies ahead behind it."""
+        out, home = graph.survival[[pieces.arc[piece], pieces.back[piece]]]
+        if piece not in heights:
+            there = levels * out * home
+            return np.interp(there, levels, after) + prices[pieces.entry[piece]]
+        best = np.zeros(N_LEVELS + 1)
+        for level in range(1, N_LEVELS + 1):
+            for q, worth in corners_of(net, piece, tables, heights[piece][:, level], level):
+                there = q * home / net.reach[pieces.gate[piece]] * N_LEVELS
+                best[level] = max(best[level], worth + np.interp(there, levels, after))
+        return best
+
+    def iterate(piece, slope):
+        own = [state for state in states if pieces.of[state[0]] == piece]
+        values = {state: np.zeros(N_LEVELS + 1) for state in own}
+        for _ in range(3_000):
+            change = 0.0
+            for node, bits in own:
+                best = np.zeros(N_LEVELS + 1)
+                if node == pieces.entry[piece]:
+                    best = slope * net.reach[node] * levels / N_LEVELS
+                for arc, (to, pays) in states[node, bits].items():
+                    if pieces.into[arc] >= 0:
+                        value = excursion(pieces.into[arc], values[to])
+                    else:
+                        there = net.ratio[arc] * levels
+                        value = np.interp(there, levels, values[to])
+                        value = value + pays * price_at(prices, to[0], there)
+                    best = np.maximum(best, value)
+                change = max(change, (best - values[node, bits]).max())
+                values[node, bits] = best
+            if change < 1e-13:
+                return values[pieces.entry[piece], frozenset()]
+        return None
+
+    for piece in range(len(pieces.entry) - 1, 0, -1):
+        if np.diff(pieces.first_option)[piece] > 1:
+            slopes = tables.slope[piece, : tables.n_slopes[piece]]
+            entry = prices[pieces.entry[piece]]
+            heights[piece] = np.array([entry + iterate(piece, slope) for slope in slopes])
+    return iterate(0, mu), heights
+
+
+def shortfall(net, states, prices, mu, cap, tables, values):
+    """The most by which a value of the base's piece falls short of the best of one step."""
     levels, most = np.arange(N_LEVELS + 1), 0.0
-    for state, node in enumerate(states.node):
-        best = mu * levels / N_LEVELS if node == net.base else np.zeros(N_LEVELS + 1)
+    for state in range(len(values)):
+        node = states.node[state]
+        alive = mu * net.reach[node] * levels / N_LEVELS
+        best = alive if node == net.base else np.zeros(N_LEVELS + 1)
         for link in range(states.first[state], states.first[state + 1]):
-            arc = states.arc[link]
-            there = net.ratio[arc] * levels
-            value = np.interp(there, levels, values[states.to[link]])
-            value += states.pays[link] * price_at(prices, net.graph.head[arc], there)
-            best = np.maximum(best, value)
-        most = max(most, (np.minimum(best, cap[node]) - values[state]).max())
+            move = states.move[link]
+            value = np.interp(tables.there[:, move], levels, values[states.to[link]])
+            best = np.maximum(best, value + states.pays[link] * tables.paid[:, move])
+        most = max(most, (np.minimum(best, cap[node] + alive) - values[state]).max())
     return most
 
 
-def prepared(mission, nearest, n_bits, least=0.0):
-    net = new_net(mission.limited(least))
+def prepared(mission, memory, least=0.0):
+    """The net, with the way to its largest piece joined or not, its memory and states."""
+    nearest, n_bits, joined = memory
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(net_module, "_MOST_JOINED", joined)
+        net = new_net(mission.limited(least))
     remembered = Remembered(net, nearest, n_bits, 100)
     return net, remembered, find_states(net, remembered.pack(), 100_000)
 
 
+def look_ahead(net, states, prices, mus, tolerance=1e-13, cap=np.inf, enough=0.05):
+    """The tables and, for each mu, values and by how much they fall short, and the work."""
+    cap = np.broadcast_to(cap, (net.graph.n_nodes, N_LEVELS + 1)).copy()
+    tables = new_tables(net, states, N_LEVELS)
+    rule = Rule(tolerance, cap, 20 * net.graph.reward.sum() + max(mus), enough)
+    inside, n_inside = bound_excursions(net, states, prices, rule, tables)
+    found = []
+    for mu in mus:
+        values = np.zeros((states.begin[1], N_LEVELS + 1))
+        short, n = relax(net, states, Worth(prices, mu), rule, tables, values)
+        found.append((values, max(short, inside), n_inside + n))
+    return tables, found
+
+
 dangerous = missions(survivals=st.sampled_from([0.5, 0.8, 0.9, 0.97]))
-memories = st.sampled_from([(0, 0), (1, 1), (2, 4), (7, 9)])
+memories = st.sampled_from([(0, 0, 0), (0, 0, 9), (1, 1, 0), (2, 4, 0), (2, 4, 9), (7, 9, 0)])
 
 
 @examples(60)
 @given(dangerous, memories, st.integers(0, 99))
 def test_what_lies_ahead_is_that_of_value_iteration(mission, memory, seed):
-    net, remembered, states = prepared(mission, *memory)
+    net, remembered, states = prepared(mission, memory)
     prices, mu = drawn_prices(net, seed)
     twin = states_by_dictionary(net, remembered)
     assert len(states.node) == len(twin)
-    assert len(states.arc) == sum(map(len, twin.values()))
-    assert states.pays.sum() == sum(pays for links in twin.values() for _, pays in links.values())
-    values = np.zeros((len(states.node), N_LEVELS + 1))
-    cap = np.full((net.graph.n_nodes, N_LEVELS + 1), np.inf)
-    short, n_looks = relax(net, states, Worth(prices, mu), cap, 1e-13, values)
-    expected = values_by_dictionary(net, twin, prices, mu)
-    start = expected[net.base, frozenset()]
+    links = [(arc, pays) for links in twin.values() for arc, (_, pays) in links.items()]
+    n_options = np.append(np.diff(net.pieces.first_option), 1)[net.pieces.into]
+    assert len(states.move) == sum(n_options[arc] for arc, _ in links)
+    inside = states.move < net.graph.n_arcs
+    assert states.pays[inside].sum() == sum(pays for _, pays in links)
+    tables, [(values, short, n_looks)] = look_ahead(net, states, prices, [mu])
+    start, heights = values_by_dictionary(net, twin, prices, mu, tables)
     assert values[0] == pytest.approx(start, rel=1e-9, abs=1e-9)
-    assert np.sort(values.sum(axis=1)) == pytest.approx(
-        np.sort([value.sum() for value in expected.values()]), rel=1e-9, abs=1e-9
-    )
+    for piece, expected in heights.items():
+        rows = tables.row[piece, : len(expected)]
+        found = prices[net.pieces.entry[piece]] + tables.values[rows]
+        assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
     assert 0 <= short < 1e-9
-    # All links, and each state at least once for its choice.
-    assert n_looks >= len(states.arc) + len(states.node)
-    assert shortfall(net, states, prices, mu, cap, values) <= short + 1e-12
+    assert n_looks >= states.first[states.begin[1]] + states.begin[1]
+    cap = np.full((net.graph.n_nodes, N_LEVELS + 1), np.inf)
+    assert shortfall(net, states, prices, mu, cap, tables, values) <= short + 1e-12
 
 
 @examples(60)
 @given(dangerous, memories, st.integers(0, 99), st.sampled_from([1e-3, 0.1]))
 def test_how_far_values_fall_short_is_known(mission, memory, seed, tolerance):
     """With a wide tolerance and a cap, which both cut values."""
-    net, _, states = prepared(mission, *memory)
+    net, _, states = prepared(mission, memory)
     prices, mu = drawn_prices(net, seed)
-    values = np.zeros((len(states.node), N_LEVELS + 1))
     most = np.random.default_rng(seed).uniform(0.2, 2.0) * (prices[:, -1].max() + mu)
     cap = np.tile(most * np.arange(N_LEVELS + 1) / N_LEVELS, (net.graph.n_nodes, 1))
-    short, _ = relax(net, states, Worth(prices, mu), cap, tolerance, values)
+    tables, [(values, short, _)] = look_ahead(net, states, prices, [mu], tolerance, cap)
     assert 0 <= short <= tolerance + 1e-9
-    assert (values <= cap[states.node] + 1e-12).all()
-    assert shortfall(net, states, prices, mu, cap, values) <= short + 1e-12
+    assert (values <= cap[states.node[: len(values)]] + mu + 1e-12).all()
+    assert shortfall(net, states, prices, mu, cap, tables, values) <= short + 1e-12
+
+
+def ahead_of(states, prices, mus, tables, found, beside):
+    """Completions under the same prices and several prices of survival."""
+    return [
+        (Ahead(states, Worth(prices, mu), tables, values, 0.0, 0.0), beside)
+        for mu, (values, _, _) in zip(mus, found, strict=True)
+    ]
 
 
 @examples(80)
@@ -169,13 +238,13 @@ def test_no_trail_is_worth_more_than_relaxed_ones_and_the_best_is_found(
 
     Arcs that lead to no reward are not on any of them.
     """
-    net, _, states = prepared(mission, *memory, floor)
+    net, _, states = prepared(mission, memory, floor)
     prices, mu = drawn_prices(net, seed)
-    values = np.zeros((len(states.node), N_LEVELS + 1))
-    cap = np.full((net.graph.n_nodes, N_LEVELS + 1), 2 * prices[:, -1].sum() + mu)
-    short, _ = relax(net, states, Worth(prices, mu), cap, 1e-13, values)
+    cap = 2 * prices[:, -1].sum() + mu
+    tables, found = look_ahead(net, states, prices, [mu, 0.0], cap=cap)
+    values, short, _ = found[0]
     assert short < np.inf
-    spare = net.graph.n_arcs * (short + 1e-12)
+    spare = 2 * net.graph.n_arcs * (short + 1e-12)
     arcs = set(zip(net.graph.tail.tolist(), net.graph.head.tolist(), strict=True))
     every = twins.all_trails(mission)
     assume(every is not None)
@@ -187,10 +256,14 @@ def test_no_trail_is_worth_more_than_relaxed_ones_and_the_best_is_found(
         and twins.survival_of(mission, trail) >= floor
     ]
     worths = [value_of(net, trail, prices, mu) for trail in within]
-    _, most = follow(net, states, Worth(prices, mu), values, -1, np.empty(1, np.int64))
+    room = np.empty(2, np.int64), np.empty(2, np.int64)
+    _, most = follow(net, states, Worth(prices, mu), tables, values, -1, *room)
     assert most + spare >= max(worths, default=0.0)
-    line = Completions(values[None], np.zeros(1), np.zeros((1, net.graph.n_nodes)))
-    depths = new_depths(net, np.random.default_rng(seed), 1 << 8, 2, 1)
+    none = np.zeros(net.graph.n_nodes)
+    line = completions(ahead_of(states, prices, [mu], tables, found[:1], none))
+    # A bound on worth with survival, without a price of its own.
+    line = line._replace(mu=np.zeros(1))
+    depths = new_depths(net, np.random.default_rng(seed), 1 << 8, 2, 1, N_LEVELS)
     stairs = np.zeros(1)
     given = net, states, Worth(prices, mu), line, Stairs(stairs, np.inf, 0.0)
     n = find_trails(*given, TrailRule(False, 0.0, 1_000_000), depths)
@@ -214,15 +287,12 @@ N_STEPS = 7
 def lines_ahead(net, states, prices, mus, seed):
     """Completions under the prices themselves, and under others that are lower."""
     lower = prices * np.random.default_rng(seed).uniform(0.5, 1.0)
-    values, beside = [], []
-    for mu in mus:
-        for own in (prices, lower):
-            value = np.zeros((len(states.node), N_LEVELS + 1))
-            cap = np.full((net.graph.n_nodes, N_LEVELS + 1), np.inf)
-            assert relax(net, states, Worth(own, mu), cap, 1e-13, value)[0] < 1e-9
-            values.append(value)
-            beside.append((prices - own).max(axis=1))
-    return Completions(np.array(values), np.repeat(mus, 2), np.array(beside))
+    lines = []
+    for own in (prices, lower):
+        tables, found = look_ahead(net, states, own, mus)
+        assert all(short < 1e-9 for _, short, _ in found)
+        lines += ahead_of(states, own, mus, tables, found, (prices - own).max(axis=1))
+    return completions(lines)
 
 
 @examples(80)
@@ -233,7 +303,7 @@ def lines_ahead(net, states, prices, mus, seed):
     st.integers(0, 99),
 )
 def test_stairs_are_above_all_trails(mission, memory, least, seed):
-    net, _, states = prepared(mission, *memory)
+    net, _, states = prepared(mission, memory)
     prices, mu = drawn_prices(net, seed)
     trails = twins.all_trails(mission)
     assume(trails is not None)
@@ -251,7 +321,7 @@ def test_stairs_are_above_all_trails(mission, memory, least, seed):
     for step, (_, worth) in zip(steps.astype(int), known, strict=True):
         expected[: step + 1] = np.maximum(expected[: step + 1], worth)
     first = int(least / width + 1e-9)
-    depths = new_depths(net, np.random.default_rng(seed), 1 << 8, 5_000, 6)
+    depths = new_depths(net, np.random.default_rng(seed), 1 << 8, 5_000, 6, N_LEVELS)
     stairs = np.zeros(N_STEPS)
     given, every = (net, states, Worth(prices, 0.0), ahead), TrailRule(True, 0.0, 1_000_000)
     raised = Stairs(stairs, width, least)
@@ -265,36 +335,76 @@ def test_stairs_are_above_all_trails(mission, memory, least, seed):
     found = {tuple(depths.arcs[i, : depths.n_arcs[i]]) for i in range(above)}
     assert len(found) == above
     if above > 1:
-        small = new_depths(net, np.random.default_rng(seed), 1 << 8, above - 1, 6)
+        small = new_depths(net, np.random.default_rng(seed), 1 << 8, above - 1, 6, N_LEVELS)
         assert find_trails(*given, Stairs(needed, width, least), every, small) < 0
 
 
-@examples(40)
+@examples(60)
 @given(dangerous, memories, st.integers(0, 99), st.integers(-1, 3))
 def test_the_best_relaxed_trail_is_followed(mission, memory, seed, turn):
-    net, _, states = prepared(mission, *memory)
+    net, remembered, states = prepared(mission, memory)
     prices, mu = drawn_prices(net, seed)
-    values = np.zeros((len(states.node), N_LEVELS + 1))
-    cap = np.full((net.graph.n_nodes, N_LEVELS + 1), np.inf)
-    relax(net, states, Worth(prices, mu), cap, 1e-13, values)
-    links = np.empty(300, np.int64)
-    n, most = follow(net, states, Worth(prices, mu), values, turn, links)
-    taken = links[:n]
-    source = np.repeat(np.arange(len(states.node)), np.diff(states.first))
-    assert (source[taken[1:]] == states.to[taken[:-1]]).all()
-    assert len(taken) == 0 or source[taken[0]] == 0
-    arcs = states.arc[taken]
-    levels = np.cumprod(net.ratio[arcs]) * N_LEVELS
-    worth = mu * levels[-1] / N_LEVELS if len(taken) else 0.0
-    for head, level, pays in zip(net.graph.head[arcs], levels, states.pays[taken], strict=True):
-        worth += pays * price_at(prices, head, level)
+    tables, [(values, _, _)] = look_ahead(net, states, prices, [mu])
+    arcs, paid = np.empty(300, np.int64), np.empty(300, np.int64)
+    n, most = follow(net, states, Worth(prices, mu), tables, values, turn, arcs, paid)
+    arcs, paid = arcs[:n], paid[:n] == 1
+    twin, pieces = states_by_dictionary(net, remembered), net.pieces
+    state, behind, alive, worth = (net.base, frozenset()), [], 1.0, 0.0
+    for arc, pays in zip(arcs.tolist(), paid.tolist(), strict=True):
+        alive *= net.graph.survival[arc]
+        head = int(net.graph.head[arc])
+        worth += pays * price_at(prices, head, alive / net.reach[head] * N_LEVELS)
+        if pieces.is_back[arc]:
+            state = behind.pop()
+            continue
+        state, may_pay = twin[state][arc]
+        if pieces.into[arc] >= 0:
+            behind.append(state)
+            state = head, frozenset()
+        else:
+            assert pays == may_pay
+    if n < 299 and n > 0:
+        assert net.graph.head[arcs[-1]] == net.base or mu == 0.0
+        worth += mu * alive * (net.graph.head[arcs[-1]] == net.base)
     # What lies ahead is on chords, which are above what a single way is worth.
     assert worth <= most + 1e-9
-    if turn == -1 and len(taken):
-        there = net.ratio[arcs[0]] * N_LEVELS
-        first = np.interp(there, np.arange(N_LEVELS + 1), values[states.to[taken[0]]])
-        first += states.pays[taken[0]] * price_at(prices, net.graph.head[arcs[0]], there)
-        assert first == pytest.approx(most, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arcs", "paid", "expected"),
+    [
+        # Node 1 pays twice, and its reward is forgotten at 2 and 3; the arc to 1 is taken twice.
+        (
+            [(0, 1), (1, 2), (2, 3), (3, 1), (1, 2), (2, 1)],
+            [True, True, True, True, False, True],
+            {("reward", 1): [1, 2, 3], ("arc", (1, 2)): [1, 2, 3]},
+        ),
+        # The excursion to 4 is made twice from 3; what happens beyond the bridge is not needed.
+        (
+            [(0, 1), (1, 3), (3, 4), (4, 5), (5, 4), (4, 3), (3, 4), (4, 3)],
+            [True] * 4 + [False] * 2 + [True, False],
+            {("arc", (3, 4)): [3]},
+        ),
+    ],
+)
+def test_what_relaxed_trails_forget_in_a_piece(arcs, paid, expected):
+    """A triangle of 1, 2 and 3 behind the base, and 3 - 4 - 5 behind it."""
+    both = [(0, 1), (1, 2), (2, 3), (3, 1), (3, 4), (4, 5)]
+    graph = nx.DiGraph([*both, *((b, a) for a, b in both)])
+    nx.set_node_attributes(graph, {node: float(node > 0) for node in graph}, "reward")
+    nx.set_edge_attributes(graph, 0.9, "survival")
+    net = new_net(Mission(graph, base=0, robots=1).world)
+    numbers = arcs_by_ends(net.graph)
+    trail = RelaxedTrail([numbers[pair] for pair in arcs], paid)
+    memory = Remembered(net, 0, 0, 100)
+    bits = {
+        node if what == "reward" else net.graph.n_nodes + numbers[node]: nodes
+        for (what, node), nodes in expected.items()
+    }
+    found = dict(memory.forgets(trail))
+    assert {bit: found[bit] for bit in bits} == bits
+    assert memory.add(list(found.items()), 14)
+    assert memory.forgets(trail) == []
 
 
 def test_too_many_states_are_none():
@@ -314,24 +424,23 @@ def _complete(n_nodes):
     return Mission(graph, base=0, robots=1)
 
 
-def test_parts_that_hang_on_bridges():
+def test_parts_that_hang_on_bridges(monkeypatch):
     """0 - 1 - 2 and 1 - 3, and a triangle at 3."""
     both = [(0, 1), (1, 2), (1, 3), (3, 4), (4, 5), (5, 3)]
     graph = nx.DiGraph([*both, *((b, a) for a, b in both)])
     nx.set_node_attributes(graph, {n: float(n in (2, 5)) for n in graph}, "reward")
     nx.set_edge_attributes(graph, 0.9, "survival")
     world = Mission(graph, base=0, robots=1).world
+    monkeypatch.setattr(net_module, "_MOST_JOINED", 1)
     base, *pieces = pieces_of(world)
     assert (base.nodes, base.above, base.arc, base.back) == ((0,), -1, -1, -1)
-    assert [(piece.gate, sorted(piece.nodes)) for piece in pieces] == [
-        (0, [1]),
-        (1, [2]),
-        (1, [3, 4, 5]),
-    ]
+    assert [(piece.gate, piece.nodes) for piece in pieces] == [(0, (1,)), (1, (2,)), (1, (3, 4, 5))]
     assert [piece.above for piece in pieces] == [0, 1, 1]
     for piece in pieces:
         assert world.graph.tail[piece.arc] == world.graph.head[piece.back] == piece.gate
         assert world.graph.head[piece.arc] == world.graph.tail[piece.back] == min(piece.nodes)
+    monkeypatch.setattr(net_module, "_MOST_JOINED", 2)
+    assert [piece.nodes for piece in pieces_of(world)] == [(0, 1, 3, 4, 5), (2,)]
 
 
 def test_arcs_without_any_use_are_left_out():

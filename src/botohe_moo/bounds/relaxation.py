@@ -122,7 +122,7 @@ class Relaxation:
         net, graph, n_looks = self.net, self.net.graph, 0
         tolerance, steepest = _TOLERANCE * self.total, _STEEPEST * self.total
         cap = np.full((graph.n_nodes, prices.shape[1]), np.inf)
-        tables = _new_tables(net, states, prices.shape[1] - 1)
+        tables = new_tables(net, states, prices.shape[1] - 1)
         # Where arcs are sure, relaxed trails may collect without end.
         while True:
             if self._is_capped:
@@ -243,7 +243,7 @@ class Relaxation:
         n_most = self.clock.most(rule.n_most, _SECONDS_A_LINK)
         try:
             with self.turns.aside():
-                states, ahead = lines[0][0].states, _completions(lines)
+                states, ahead = lines[0][0].states, completions(lines)
                 within = rule._replace(n_most=n_most)
                 n = find_trails(self.net, states, worth, ahead, stairs, within, depths)
             self.clock.count(_SECONDS_A_LINK * abs(n))
@@ -295,7 +295,7 @@ def _as_lists(arcs: OffsetArray, n_arcs: OffsetArray) -> list[list[int]]:
     return [row[:n].tolist() for row, n in zip(arcs, n_arcs.tolist(), strict=True)]
 
 
-def _completions(lines: BoundLines) -> Completions:
+def completions(lines: BoundLines) -> Completions:
     """Return bounds under several prices as the kernel takes them."""
     unique = {id(ahead.tables): ahead.tables for ahead, _ in lines}
     numbers = {key: number for number, key in enumerate(unique)}
@@ -308,7 +308,7 @@ def _completions(lines: BoundLines) -> Completions:
     )
 
 
-def _new_tables(net: Net, states: States, n_levels: int) -> Tables:
+def new_tables(net: Net, states: States, n_levels: int) -> Tables:
     """Return empty tables: none for the base's piece, and for dead ends of one node."""
     n_moves = net.graph.n_arcs + len(net.pieces.of_option)
     n_slopes = np.diff(net.pieces.first_option)

@@ -77,7 +77,9 @@ class Steps:
         stairs = self._lines.known_stairs(prices.visits, self._width)
         others = self._lines.lowest(x, self._most_survival, MOST_LINES)
         beside = [team.to_all(team.most(other.visits)) for other in others]
-        lines = [(self._lines.look_ahead(other), own) for other, own in zip(others, beside)]
+        lines = [
+            (self._lines.look_ahead(other), own) for other, own in zip(others, beside, strict=True)
+        ]
         raised, n_most = Stairs(stairs, self._width, x), _MOST_LINKS * effort
         if not self._lines.raise_stairs(prices.visits, lines, raised, n_most)[0]:
             return False

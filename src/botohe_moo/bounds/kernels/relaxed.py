@@ -75,7 +75,9 @@ class Rule(NamedTuple):
     """How values are computed."""
 
     tolerance: float  # values are raised only where they rise by more
-    cap: FloatArray  # what visits ahead of each node are not worth more than (n_nodes, n_levels + 1)
+    cap: (
+        FloatArray  # what visits ahead of each node are not worth more than (n_nodes, n_levels + 1)
+    )
     steepest: float  # the largest slope of a hull
     enough: float  # by how much a hull may lie above the true one, nearly
 
@@ -141,9 +143,7 @@ def _follow_choices(level: _Level, n_states: int) -> bool:
 
 
 @inlined
-def _choose(
-    level: _Level, n_states: int, tolerance: float, is_forward: bool
-) -> tuple[bool, float]:
+def _choose(level: _Level, n_states: int, tolerance: float, is_forward: bool) -> tuple[bool, float]:
     """Choose better links, and raise values; return whether there were any.
 
     Also returns the most by which other values fall short of the best link. A raised value at once
@@ -272,7 +272,9 @@ def _new_level(states: States, n_levels: int) -> _Level:
 
 
 @inlined
-def _next_slope(slope: FloatArray, heights: FloatArray, n: int, most: FloatArray) -> tuple[int, float, float]:
+def _next_slope(
+    slope: FloatArray, heights: FloatArray, n: int, most: FloatArray
+) -> tuple[int, float, float]:
     """Return where a slope is missing the most: before which one, how much, and what slope.
 
     ``heights`` are convex in the slope (n, n_levels + 1), and rise by ``most`` at most
@@ -304,9 +306,7 @@ def _next_slope(slope: FloatArray, heights: FloatArray, n: int, most: FloatArray
 
 
 @inlined
-def _write_options(
-    net: Net, piece: int, tables: Tables, heights: FloatArray, n: int
-) -> None:
+def _write_options(net: Net, piece: int, tables: Tables, heights: FloatArray, n: int) -> None:
     """Write the corners of the hull of a piece's excursions.
 
     A corner lies on both its lines, or on the higher one where rounding has moved it: so nothing of
@@ -350,7 +350,10 @@ def bound_excursions(
     for at in range(n_levels + 1):
         for arc in range(n_arcs):
             there = net.ratio[arc] * at
-            tables.there[at, arc], tables.paid[at, arc] = there, chord(prices, graph.head[arc], there)
+            tables.there[at, arc], tables.paid[at, arc] = (
+                there,
+                chord(prices, graph.head[arc], there),
+            )
     n_linear = _count_linear(prices) if np.isinf(rule.cap).all() else 1
     level, n_most = _new_level(states, n_levels), tables.slope.shape[1]
     heights, most = np.empty((n_most, n_levels + 1)), np.empty(n_levels + 1)

@@ -311,7 +311,12 @@ def find_trails(
     """
     prices, mu, heights, width = worth.prices, worth.mu, stairs.heights, stairs.width
     graph, home, pieces = net.world.graph, net.world.ways.home, net.pieces
-    found, steps, base, n_arcs = depths.found, depths.steps, net.world.team.start[0], net.ratio.shape[0]
+    found, steps, base, n_arcs = (
+        depths.found,
+        depths.steps,
+        net.world.team.start[0],
+        net.ratio.shape[0],
+    )
     n_levels, n_lines, n_stairs = prices.shape[1] - 1, ahead.mu.shape[0], heights.shape[0]
     least = max(stairs.least, net.min_survival) * (1.0 - ROUNDING)
     first, most = _step_of(least, width, n_stairs), np.empty(n_lines)
@@ -378,7 +383,9 @@ def find_trails(
         outside = depths.ahead[context]
         if child >= 0:
             context = depth + 1
-            highest = min(int(last.alive / net.reach[pieces.gate[child]] * n_levels) + 2, n_levels + 1)
+            highest = min(
+                int(last.alive / net.reach[pieces.gate[child]] * n_levels) + 2, n_levels + 1
+            )
             for line in range(n_lines):
                 for at in range(highest):
                     gate = net.reach[pieces.gate[child]] * at / n_levels
@@ -394,8 +401,8 @@ def find_trails(
             if pays >= 0:
                 left -= ahead.beside[line, pays]
             depths.left[depth + 1, line] = left
-            most[line] = value + left + _ahead_of(
-                net, states, ahead, outside, line, piece, to, alive
+            most[line] = (
+                value + left + _ahead_of(net, states, ahead, outside, line, piece, to, alive)
             )
         highest = _step_of(at_home, width, n_stairs)
         exceeded = _exceeded(most, ahead.mu, corners, highest, latest)
