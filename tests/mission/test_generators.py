@@ -21,6 +21,8 @@ SEED_ZERO = {
     "complete": (2, 25, 600, 0, 25.3035, 424.4402, 600),
     "terrain": (5, 200, 1310, 160, 102.315, 1239.9792, 1310),
     "tunnel": (3, 45, 102, 0, 18.25, 93.4446, 102),
+    "rooms": (3, 80, 166, 0, 38.7, 160.4564, 166),
+    "mine": (3, 50, 112, 0, 18.35, 104.7576, 112),
     "lattice": (2, 65, 224, 0, 64.0, 212.8308, 224),
     "town": (2, 64, 112, 0, 34.897, 106.7921, 112),
     "building": (3, 54, 126, 9, 39.032, 120.2878, 126),
@@ -28,7 +30,7 @@ SEED_ZERO = {
     "drones_and_rovers": (4, 34, 102, "gate", 100, 156.0656, 2248),
 }
 EACH_WAY_ITS_OWN = {"random", "complete", "terrain"}
-SIZED = ["random", "complete", "terrain", "tunnel", "orienteering"]
+SIZED = ["random", "complete", "terrain", "tunnel", "rooms", "mine", "orienteering"]
 SMALL = {"terrain": {"nodes": 30}, "lattice": {"rows": 4}, "orienteering": {"nodes": 9}}
 seeds = st.integers(0, 2**64)
 
@@ -74,7 +76,7 @@ class TestEvery:
 
     @pytest.mark.parametrize("name", SIZED)
     def test_size(self, name):
-        for nodes in (2, 40):
+        for nodes in (12 if name in ("rooms", "mine") else 2, 40):
             mission = getattr(generators, name)(nodes=nodes, seed=1)
             assert mission.nodes == tuple(range(nodes))
 
@@ -155,6 +157,20 @@ def test_tunnel_has_few_loops_and_joins_what_is_near(seed, nodes):
         distance = math.dist(pos[tail], pos[head])
         assert survival == pytest.approx(math.exp(-distance / 500), abs=1e-4)
     assert {*mission.rewards.tolist()} <= {0.0, 0.15, 0.3, 0.5, 1.0}
+
+
+@given(seeds, st.integers(12, 90), st.integers(0, 5))
+def test_rooms_are_dead_ends_and_mines_begin_with_a_long_way(seed, nodes, loops):
+    graph = generators.rooms(nodes=nodes, loops=loops, seed=seed).graph.to_undirected()
+    assert nodes - 1 <= len(graph.edges) <= nodes - 1 + loops
+    assert graph.degree(0) == 1
+    ends = range(nodes - round((nodes - 1) / 2), nodes)
+    assert all(graph.degree(node) == 1 for node in ends)
+    survivals = [survival for *_, survival in graph.edges(data="survival")]
+    assert np.mean([survival < 0.9 for survival in survivals]) < 0.4
+    mined = generators.mine(nodes=nodes, loops=loops, seed=seed).graph.to_undirected()
+    assert all(mined.has_edge(node, node + 1) for node in range(6))
+    assert all(mined.degree(node) == 2 for node in range(1, 6))
 
 
 def test_lattice():

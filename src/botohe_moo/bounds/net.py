@@ -216,12 +216,21 @@ class Remembered:
         pays = np.setdiff1d(np.flatnonzero(graph.reward > 0.0), pieces.entry)
         bits = np.append(pays, graph.n_nodes + pieces.arc[1:])
         where = np.append(pays, pieces.gate[1:])
-        for piece in range(len(pieces.entry) if n_bits > 0 else 0):
-            inside = pieces.of[where] == piece
-            for node in np.flatnonzero(pieces.of == piece).tolist():
-                own = self._nearest(node, where[inside])
-                n_own = int((where[inside] == node).sum())
-                self.bits[node] = bits[inside][own][: max(n_own, nearest)][:n_bits].tolist()
+        # Without distances a node chooses among its own, else among those of its piece.
+        groups = np.arange(graph.n_nodes) if self.between is None else pieces.of
+        order = np.argsort(groups[where], kind="stable")
+        ends = np.searchsorted(groups[where][order], groups, "right")
+        firsts = np.searchsorted(groups[where][order], groups, "left")
+        for node in range(graph.n_nodes if n_bits > 0 else 0):
+            among = order[firsts[node] : ends[node]]
+            near = np.ones(len(among))
+            if self.between is not None:
+                near = self.between[node, where[among]] * self.between[where[among], node]
+            is_own = where[among] == node
+            n_kept = min(max(int(is_own.sum()), nearest), n_bits)
+            self.bits[node] = bits[
+                among[np.argsort(-near - is_own, kind="stable")[:n_kept]]
+            ].tolist()
 
     def add(self, wanted: Sequence[tuple[int, Sequence[int]]], n_bits: int) -> bool:
         """Add each bit whose nodes all have room for it; return whether any is new."""
@@ -234,15 +243,6 @@ class Remembered:
                 for node in lacking:
                     self.bits[node].append(bit)
         return is_new
-
-    def _nearest(self, node: int, others: OffsetArray) -> OffsetArray:
-        """Sort nodes by the survival of a round trip, and the node itself before all others."""
-        near = np.zeros(len(others))
-        if self.between is not None:
-            near = self.between[node, others] * self.between[others, node]
-        order = np.argsort(-near - (others == node), kind="stable")
-        n_known = len(others) if self.between is not None else int((others == node).sum())
-        return order[:n_known]
 
     def pack(self) -> Memory:
         """Return the memory as arrays, as kernels take it."""

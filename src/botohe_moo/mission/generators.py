@@ -28,6 +28,7 @@ ArcProbability: TypeAlias = Annotated[float, Field(gt=0, le=1)]
 Natural: TypeAlias = Annotated[int, Field(ge=0)]
 Seed: TypeAlias = Natural
 Nodes: TypeAlias = Annotated[int, Field(ge=2)]  # of a mission, or along a side
+Places: TypeAlias = Annotated[int, Field(ge=12)]
 Streets: TypeAlias = Annotated[int, Field(ge=2, multiple_of=2)]
 
 _DIGITS = 4  # decimal places of most numbers
@@ -36,6 +37,7 @@ _LEAST = 1 / _STEPS  # the lowest survival that is drawn
 _DRAWS = 1000  # at most, until a graph is connected
 _JITTER = 2.5  # metres by which places of the plant are moved at most, each way
 _PLANT = Path(__file__).parent / "data" / "flooded_plant.json"
+_HAZARDS = (0.7, 0.75, 0.85, 0.9)  # survivals of dangerous passages
 _HALL = 5  # metres along a corridor from one door to the next
 
 
@@ -265,6 +267,103 @@ def tunnel(*, nodes: Nodes = 45, robots: Robots = 3, seed: Seed = 0) -> Mission:
     lengths = np.hypot(*(positions[pairs[:, 0]] - positions[pairs[:, 1]]).T)
     drawing.nodes(reward=rng.choice([0.0, 0.15, 0.3, 0.5, 1.0], nodes), pos=positions)
     drawing.passages(pairs, np.round(np.exp(-lengths / 500), _DIGITS))
+    return drawing.mission(base=0, robots=robots)
+
+
+@checked
+def rooms(
+    *,
+    nodes: Places = 80,
+    robots: Robots = 3,
+    dead_ends: Annotated[float, Field(ge=0, le=0.8)] = 0.5,
+    loops: Natural = 4,
+    seed: Seed = 0,
+) -> Mission:
+    """A building with one entrance: corridors with few loops, and rooms that are dead ends.
+
+    Passages have a median of 10 m, and most are safe: survival falls by a factor of e every 500 m.
+    Six of a hundred are dangerous, with a factor of 0.7 to 0.9. Rewards are 0, 0.15, 0.3, 0.5 or 1.
+
+    Parameters
+    ----------
+    nodes
+        Number of nodes.
+    robots
+        Team size.
+    dead_ends
+        Share of the nodes that are rooms, in [0, 0.8]. They crowd at junctions.
+    loops
+        Passages that close loops; fewer if there is no room for them.
+    seed
+        Seed of the random numbers.
+    """
+    drawing = _Drawing("rooms", f"Corridors and rooms with {nodes} places", seed)
+    return _grown(drawing, nodes, robots, 1, dead_ends, loops, 0.5, (10, 0.8), 0.06)
+
+
+@checked
+def mine(*, nodes: Places = 50, robots: Robots = 3, loops: Natural = 7, seed: Seed = 0) -> Mission:
+    """A mine behind one long entrance: the loops begin after six passages.
+
+    Passages have a median of 28 m. Survival falls by a factor of e every 500 m. Rewards are 0,
+    0.15, 0.3, 0.5 or 1.
+
+    Parameters
+    ----------
+    nodes
+        Number of nodes.
+    robots
+        Team size.
+    loops
+        Passages that close loops; fewer if there is no room for them.
+    seed
+        Seed of the random numbers.
+    """
+    drawing = _Drawing("mine", f"A mine with {nodes} places", seed)
+    return _grown(drawing, nodes, robots, 6, 0.2, loops, 0.0, (28, 0.6), 0.0)
+
+
+def _grown(
+    drawing: _Drawing,
+    nodes: int,
+    robots: int,
+    entrance: int,
+    dead_ends: float,
+    loops: int,
+    crowding: float,
+    length: tuple[float, float],
+    dangerous: float,
+) -> Mission:
+    """Grow corridors from the base: ``entrance`` passages in a row, branches, dead ends, loops.
+
+    ``length`` is the median of a passage, and the deviation of its logarithm.
+    """
+    rng, end = drawing.rng, nodes - round(dead_ends * (nodes - entrance))
+    before = [0]
+    for node in range(1, nodes):
+        if node < end:
+            goes_on = node <= entrance or rng.random() < 0.6
+            before.append(node - 1 if goes_on else int(rng.integers(max(entrance, node - 6), node)))
+            continue
+        # To a corridor, or rather to its junctions.
+        degree = np.bincount(before, minlength=nodes)[entrance:end] - 0.5
+        weight = np.maximum(degree, 0.0) / max(np.maximum(degree, 0.0).sum(), 1e-9)
+        weight = crowding * weight + (1 - crowding) / (end - entrance)
+        before.append(entrance + int(rng.choice(end - entrance, p=weight / weight.sum())))
+    pairs = {(tail, head): None for head, tail in enumerate(before) if head > 0}
+    for _ in range(_DRAWS):
+        if len(pairs) >= nodes - 1 + loops:
+            break
+        tail = int(rng.integers(entrance, end - 2))
+        pairs.setdefault((tail, min(end - 1, tail + int(rng.integers(2, 7)))))
+    lengths = np.round(length[0] * np.exp(rng.normal(0, length[1], len(pairs))), 1)
+    angles, pos = 2 * np.pi * rng.random(nodes), np.zeros((nodes, 2))
+    for node, metres in zip(range(1, nodes), lengths.tolist(), strict=False):
+        step = metres * np.array([np.cos(angles[node]), np.sin(angles[node])])
+        pos[node] = np.round(pos[before[node]] + step, 1)
+    hazards = np.where(rng.random(len(pairs)) < dangerous, rng.choice(_HAZARDS, len(pairs)), 1.0)
+    drawing.nodes(reward=rng.choice([0.0, 0.15, 0.3, 0.5, 1.0], nodes), pos=pos)
+    drawing.passages(np.array([*pairs]), np.round(np.exp(-lengths / 500) * hazards, _DIGITS))
     return drawing.mission(base=0, robots=robots)
 
 

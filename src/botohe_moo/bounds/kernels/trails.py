@@ -26,15 +26,16 @@ _STEP = np.dtype(
     # ``back`` is the arc back from a dead end of one node, and ``pays`` a node that pays; else −1.
     # ``context`` is the depth at which the present excursion began.
     [(name, np.int64) for name in ("state", "link", "arc", "back", "pays", "context")]
-    # Of an excursion that begins at this depth: the state behind it, and the context there. ``cost``
-    # is −log of the survival, in units that keep it an integer: sums do not depend on their order.
+    # Of an excursion that begins at this depth: the state behind it, and the context there.
+    # ``cost`` is −log of the survival, as an integer: sums do not depend on their order.
     + [(name, np.int64) for name in ("after", "outer", "cost")]
     + [(name, np.float64) for name in ("alive", "value", "length")]
     + [(name, np.uint64) for name in ("low", "high")]
 )
 _SEEN = np.dtype(
-    [("low", np.uint64), ("high", np.uint64), ("cost", np.int64), ("search", np.int64)]
-    + [("value", np.float64), ("length", np.float64)]
+    [(name, np.uint64) for name in ("low", "high")]
+    + [(name, np.int64) for name in ("cost", "search")]
+    + [(name, np.float64) for name in ("value", "length")]
 )
 _FOUND = np.dtype([("n_trails", np.int64), ("n_searches", np.int64)])
 
@@ -239,8 +240,8 @@ def _is_seen(
     depths: Depths, search: int, low: int, high: int, cost: int, value: float, length: float
 ) -> bool:
     """Return whether a partial trail that is as good was extended; if not, remember this one."""
-    first = np.int64(low & np.uint64(depths.seen.shape[0] // _WAYS - 1)) * _WAYS
-    place = first + np.int64(cost & (_WAYS - 1))
+    first = int(np.int64(low & np.uint64(depths.seen.shape[0] // _WAYS - 1))) * _WAYS
+    place = first + (cost & (_WAYS - 1))
     for at in range(first, first + _WAYS):
         seen = depths.seen[at]
         if seen.search != search:
@@ -295,6 +296,46 @@ def _ahead_of(
     return best
 
 
+@inlined
+def _move_of(
+    net: Net, states: States, last: Record, entered: Record, link: int
+) -> tuple[int, int, int, int]:
+    """Return the arc of a link, the arc back from a dead end, the piece entered, and the state.
+
+    A link before the first of its state leads back over the bridge, to what the step that
+    ``entered`` the piece says. Only the first option of an excursion is a move: the search makes
+    the excursion itself. For others the arc is −1.
+    """
+    pieces, n_arcs = net.pieces, net.ratio.shape[0]
+    if link < states.first[last.state]:
+        return pieces.back[pieces.of[states.node[last.state]]], -1, -1, entered.after
+    move, to = states.move[link], states.to[link]
+    if move < n_arcs:
+        return move, -1, -1, to
+    child = pieces.of_option[move - n_arcs]
+    if move > n_arcs + pieces.first_option[child]:
+        return -1, -1, -1, to
+    if pieces.first_option[child + 1] - pieces.first_option[child] == 1:
+        return pieces.arc[child], pieces.back[child], -1, to
+    return pieces.arc[child], -1, child, states.begin[child]
+
+
+@inlined
+def _enter(
+    net: Net, states: States, ahead: Completions, depths: Depths, depth: int, after: int, child: int
+) -> int:
+    """Write what lies ahead of the state ``after`` an excursion; return how many numbers."""
+    last, gate, n_levels = depths.steps[depth], net.pieces.gate[child], ahead.values.shape[2] - 1
+    n = min(int(last.alive / net.reach[gate] * n_levels) + 2, n_levels + 1)
+    outside, piece = depths.ahead[last.context], net.pieces.of[gate]
+    for line in range(ahead.mu.shape[0]):
+        for at in range(n):
+            alive = net.reach[gate] * at / n_levels
+            bound = _ahead_of(net, states, ahead, outside, line, piece, after, alive)
+            depths.ahead[depth + 1, line, at] = bound
+    return int(n * ahead.mu.shape[0])
+
+
 @kernel
 def find_trails(
     net: Net,
@@ -311,12 +352,7 @@ def find_trails(
     """
     prices, mu, heights, width = worth.prices, worth.mu, stairs.heights, stairs.width
     graph, home, pieces = net.world.graph, net.world.ways.home, net.pieces
-    found, steps, base, n_arcs = (
-        depths.found,
-        depths.steps,
-        net.world.team.start[0],
-        net.ratio.shape[0],
-    )
+    found, steps, base = depths.found, depths.steps, net.world.team.start[0]
     n_levels, n_lines, n_stairs = prices.shape[1] - 1, ahead.mu.shape[0], heights.shape[0]
     least = max(stairs.least, net.min_survival) * (1.0 - ROUNDING)
     first, most = _step_of(least, width, n_stairs), np.empty(n_lines)
@@ -333,24 +369,8 @@ def find_trails(
             continue
         link = last.link
         last.link += 1
-        context, back, child = last.context, -1, -1
-        piece = pieces.of[states.node[last.state]]
-        if link < states.first[last.state]:  # back over the bridge
-            arc, to = pieces.back[piece], steps[context].after
-            context = steps[context].outer
-        else:
-            arc, to = states.move[link], states.to[link]
-            if arc >= n_arcs:
-                child = pieces.of_option[arc - n_arcs]
-                if arc > n_arcs + pieces.first_option[child]:
-                    continue  # the search makes the excursion itself
-                is_dead_end = pieces.first_option[child + 1] - pieces.first_option[child] == 1
-                arc = pieces.arc[child]
-                if is_dead_end:
-                    back, child = pieces.back[child], -1
-                else:
-                    to = states.begin[child]
-        if depths.used[arc] == search:
+        arc, back, child, to = _move_of(net, states, last, steps[last.context], link)
+        if arc < 0 or depths.used[arc] == search:
             continue
         visit, node = graph.head[arc], states.node[to]
         there = last.alive * graph.survival[arc]
@@ -380,30 +400,20 @@ def find_trails(
                 elif found.n_trails == depths.n_arcs.shape[0]:
                     break
                 _record(depths, depth, arc, back)
-        outside = depths.ahead[context]
-        if child >= 0:
+        context = last.context
+        if link < states.first[last.state]:
+            context = steps[context].outer
+        elif child >= 0:
+            n += _enter(net, states, ahead, depths, depth, states.to[link], child) // _LINK
             context = depth + 1
-            highest = min(
-                int(last.alive / net.reach[pieces.gate[child]] * n_levels) + 2, n_levels + 1
-            )
-            for line in range(n_lines):
-                for at in range(highest):
-                    gate = net.reach[pieces.gate[child]] * at / n_levels
-                    depths.ahead[context, line, at] = _ahead_of(
-                        net, states, ahead, outside, line, piece, states.to[link], gate
-                    )
-            outside, piece = depths.ahead[context], child
-            n += n_lines * highest // _LINK
-        elif link < states.first[last.state]:
-            piece = pieces.of[node]
+        piece, outside = pieces.of[node], depths.ahead[context]
         for line in range(n_lines):
             left = depths.left[depth, line]
             if pays >= 0:
                 left -= ahead.beside[line, pays]
             depths.left[depth + 1, line] = left
-            most[line] = (
-                value + left + _ahead_of(net, states, ahead, outside, line, piece, to, alive)
-            )
+            bound = _ahead_of(net, states, ahead, outside, line, piece, to, alive)
+            most[line] = value + left + bound
         highest = _step_of(at_home, width, n_stairs)
         exceeded = _exceeded(most, ahead.mu, corners, highest, latest)
         if exceeded < 0:
