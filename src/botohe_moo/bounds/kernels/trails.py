@@ -19,7 +19,7 @@ from botohe_moo.core.world import World
 # Survivals that are this much below a step of stairs, relative, count as on it.
 _EDGE = 5e-13
 _UNIT = 2.0**52  # of costs
-_WAYS = 8  # partial trails that are remembered at one place
+_WAYS = 4  # partial trails that are remembered at one place
 _LINK = 16  # how many numbers are written in the time that trying a move takes
 
 _STEP = np.dtype(
@@ -107,6 +107,7 @@ class Depths(NamedTuple):
     # Of each excursion, by the depth at which it began: what lies ahead of the state behind it, for
     # each line and level of the gate (n_arcs + 2, n_lines, n_levels + 1).
     ahead: FloatArray
+    corners: FloatArray  # scratch (2, K)
     used: OffsetArray  # the last search in which an arc is on the partial trail (n_arcs)
     met: OffsetArray  # the same of nodes that have paid (n_nodes)
     keys: SeedArray  # random bits of each arc (n_arcs, 2)
@@ -132,6 +133,7 @@ def new_depths(
         steps=np.zeros(n_arcs + 2, _STEP).view(np.recarray),
         left=np.zeros((n_arcs + 2, n_lines)),
         ahead=np.zeros((n_arcs + 2, n_lines, n_levels + 1)),
+        corners=np.zeros((2, int(np.diff(net.pieces.first_option).max(initial=1)))),
         used=np.full(n_arcs, -1, np.int64),
         met=np.full(n_nodes, -1, np.int64),
         keys=random_state.integers(2**64, size=(n_arcs, 2), dtype=np.uint64),
@@ -258,42 +260,50 @@ def _is_seen(
 
 
 @inlined
-def _ahead_of(
+def _bound_ahead(
     net: Net,
     states: States,
     ahead: Completions,
-    outside: FloatArray,
-    line: int,
-    piece: int,
+    depths: Depths,
+    context: int,
     state: int,
     alive: float,
-) -> float:
-    """Bound what lies ahead of a state, by one line.
+    most: FloatArray,
+) -> None:
+    """Write what lies ahead of a state, by each line (n_lines).
 
     Beyond a bridge that is the most over all corners (q, w) of the hull of what is left of the
-    excursion: w, and what lies ahead of the gate with q, which ``outside`` holds (n_lines,
-    n_levels + 1).
+    excursion: w, and what lies ahead of the gate with q.
     """
-    n_levels = ahead.values.shape[2] - 1
-    level = min(alive / net.reach[states.node[state]] * n_levels, n_levels * 1.0)
+    n_levels, pieces, node = ahead.values.shape[2] - 1, net.pieces, states.node[state]
+    level = min(alive / net.reach[node] * n_levels, n_levels * 1.0)
+    piece, n, known = pieces.of[node], 0, -1
     if piece == 0:
-        return chord(ahead.values[line], state, level)
-    which, gate = ahead.tables[line], net.pieces.gate[piece]
-    table, slope, row = ahead.inside[which], ahead.slope[which, piece], ahead.row[which, piece]
-    unit = net.world.graph.survival[net.pieces.back[piece]] / net.reach[gate] * n_levels
-    n, local = ahead.n_slopes[which, piece], state - states.begin[piece]
-    best, q, height = 0.0, 0.0, chord(table, row[0] + local, level)
-    for k in range(n):
-        if k + 1 < n:
-            after = chord(table, row[k + 1] + local, level)
-            q = min(max((after - height) / (slope[k + 1] - slope[k]), q), alive)
-            worth = max(height - slope[k] * q, after - slope[k + 1] * q)
-            height = after
-        else:
-            q = alive
-            worth = height - slope[k] * q
-        best = max(best, worth + chord(outside, line, min(q * unit, n_levels * 1.0)))
-    return best
+        for line in range(most.shape[0]):
+            most[line] = chord(ahead.values[line], state, level)
+        return
+    unit = net.world.graph.survival[pieces.back[piece]] / net.reach[pieces.gate[piece]] * n_levels
+    local, outside, corners = state - states.begin[piece], depths.ahead[context], depths.corners
+    for line in range(most.shape[0]):
+        which = ahead.tables[line]
+        if which != known:
+            table, slope, row = ahead.inside[which], ahead.slope[which, piece], ahead.row
+            n, known, q = ahead.n_slopes[which, piece], which, 0.0
+            height = chord(table, row[which, piece, 0] + local, level)
+            for k in range(n):
+                worth = height - slope[k] * alive
+                if k + 1 < n:
+                    after = chord(table, row[which, piece, k + 1] + local, level)
+                    q = min(max((after - height) / (slope[k + 1] - slope[k]), q), alive)
+                    worth = max(height - slope[k] * q, after - slope[k + 1] * q)
+                    height = after
+                else:
+                    q = alive
+                corners[0, k], corners[1, k] = min(q * unit, n_levels * 1.0), worth
+        best = 0.0
+        for k in range(n):
+            best = max(best, corners[1, k] + chord(outside, line, corners[0, k]))
+        most[line] = best
 
 
 @inlined
@@ -322,17 +332,22 @@ def _move_of(
 
 @inlined
 def _enter(
-    net: Net, states: States, ahead: Completions, depths: Depths, depth: int, after: int, child: int
+    net: Net,
+    states: States,
+    ahead: Completions,
+    depths: Depths,
+    depth: int,
+    after: int,
+    child: int,
+    most: FloatArray,
 ) -> int:
     """Write what lies ahead of the state ``after`` an excursion; return how many numbers."""
     last, gate, n_levels = depths.steps[depth], net.pieces.gate[child], ahead.values.shape[2] - 1
     n = min(int(last.alive / net.reach[gate] * n_levels) + 2, n_levels + 1)
-    outside, piece = depths.ahead[last.context], net.pieces.of[gate]
-    for line in range(ahead.mu.shape[0]):
-        for at in range(n):
-            alive = net.reach[gate] * at / n_levels
-            bound = _ahead_of(net, states, ahead, outside, line, piece, after, alive)
-            depths.ahead[depth + 1, line, at] = bound
+    for at in range(n):
+        alive = net.reach[gate] * at / n_levels
+        _bound_ahead(net, states, ahead, depths, last.context, after, alive, most)
+        depths.ahead[depth + 1, : most.shape[0], at] = most
     return int(n * ahead.mu.shape[0])
 
 
@@ -404,16 +419,15 @@ def find_trails(
         if link < states.first[last.state]:
             context = steps[context].outer
         elif child >= 0:
-            n += _enter(net, states, ahead, depths, depth, states.to[link], child) // _LINK
+            n += _enter(net, states, ahead, depths, depth, states.to[link], child, most) // _LINK
             context = depth + 1
-        piece, outside = pieces.of[node], depths.ahead[context]
+        _bound_ahead(net, states, ahead, depths, context, to, alive, most)
         for line in range(n_lines):
             left = depths.left[depth, line]
             if pays >= 0:
                 left -= ahead.beside[line, pays]
             depths.left[depth + 1, line] = left
-            bound = _ahead_of(net, states, ahead, outside, line, piece, to, alive)
-            most[line] = value + left + bound
+            most[line] += value + left
         highest = _step_of(at_home, width, n_stairs)
         exceeded = _exceeded(most, ahead.mu, corners, highest, latest)
         if exceeded < 0:
@@ -435,7 +449,7 @@ def find_trails(
         step = steps[depth]
         step.state, step.arc, step.back, step.pays, step.context = to, arc, back, pays, context
         step.link = states.first[to]
-        if piece > 0 and node == pieces.entry[piece]:
+        if node == pieces.entry[pieces.of[node]] and node != base:
             step.link -= 1
         step.after, step.outer, step.cost = after, outer, cost
         step.alive, step.value, step.length, step.low, step.high = alive, value, length, low, high
