@@ -347,7 +347,8 @@ def _enter(
     for at in range(n):
         alive = net.reach[gate] * at / n_levels
         _bound_ahead(net, states, ahead, depths, last.context, after, alive, most)
-        depths.ahead[depth + 1, : most.shape[0], at] = most
+        for line in range(most.shape[0]):
+            depths.ahead[depth + 1, line, at] = most[line]
     return int(n * ahead.mu.shape[0])
 
 
