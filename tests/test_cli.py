@@ -320,7 +320,7 @@ PRESSED = """
 
 @contextlib.contextmanager
 def killed_after(seconds, process):
-    """Should Ctrl-C do nothing."""
+    """Kill the process after some seconds if Ctrl-C did not end it."""
     alarm = threading.Timer(seconds, process.kill)
     alarm.start()
     try:
