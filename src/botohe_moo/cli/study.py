@@ -197,7 +197,7 @@ def _plan_table(planned: Plan) -> str:
     counts: dict[tuple[str, str], Counter[str]] = defaultdict(Counter)
     for run in planned.runs:
         labels = run.mission.label, run.algorithm.label
-        counts[labels].update(runs=1, there=run.digest in planned.finished)
+        counts[labels].update(runs=1, there=int(run.digest in planned.finished))
     titles = ("runs", "there")
     rows = [(*labels, *(str(n[title]) for title in titles)) for labels, n in counts.items()]
     return common.table([("mission", "algorithm", *titles), *rows])
