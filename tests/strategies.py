@@ -20,7 +20,7 @@ _LENGTHS = lengths
 
 
 def mission_of(arcs, rewards, *, both_ways=False, **options):
-    """A mission of base 0: arcs with their survivals, and maybe lengths, and a reward a node."""
+    """Return a mission with base 0 from arcs (tail, head, survival[, length]) and rewards."""
     graph = nx.DiGraph()
     graph.add_nodes_from((node, {"reward": float(reward)}) for node, reward in enumerate(rewards))
     for tail, head, *given in arcs:
@@ -66,7 +66,7 @@ def missions(
 
 @st.composite
 def team_missions(draw, max_nodes=5, max_robots=2, pays=None, labels=None, aboard=True, **options):
-    """Missions of one to three kinds of up to ``max_robots`` each, with all that a file may say.
+    """Missions of one to three kinds, up to ``max_robots`` each, with all attributes of files.
 
     Kinds may be unable to reach some nodes, or to come back from them. Nodes pay on arrival or on
     return, unless ``pays`` says when all of them pay, and are numbered, unless ``labels`` draws

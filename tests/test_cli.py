@@ -320,7 +320,7 @@ PRESSED = """
 
 @contextlib.contextmanager
 def killed_after(seconds, process):
-    """Should Ctrl-C do nothing."""
+    """Kill the process after some seconds if Ctrl-C did not end it."""
     alarm = threading.Timer(seconds, process.kill)
     alarm.start()
     try:
@@ -525,6 +525,7 @@ ODD = """
 def test_algorithms_of_others(folder, monkeypatch):
     Path("odd.py").write_text(textwrap.dedent(ODD))
     monkeypatch.syspath_prepend(folder)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
     infeasible, picky, broken = (
         ("solve", "toy", "-a", f"odd:{name}") for name in ("Infeasible", "Picky", "Broken")
     )

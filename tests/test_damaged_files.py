@@ -134,7 +134,7 @@ def check_message(error, named):
 
 
 def read_or_refused(read, *args, named, errors=ValueError, **given):
-    """What is read; None if it is refused by its name."""
+    """Return what is read; None if the error names the file."""
     try:
         with WATCH.over():
             return read(*args, **given)

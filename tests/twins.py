@@ -83,7 +83,7 @@ def evaluate(mission, trails, kinds=None):
 
 
 def trail_lengths(mission, trails):
-    """How long each of the label trails is; hops are one long by default."""
+    """Return the length of each trail of labels; an arc has length 1 by default."""
     arcs = mission.graph.edges
     return [sum(arcs[hop].get("length", 1.0) for hop in pairwise(trail)) for trail in trails]
 
@@ -219,7 +219,7 @@ class Ant:
         return self.drawn(attractions, rejected)
 
     def drawn(self, attractions, rejected):
-        """How likely arcs are drawn, where others are drawn again in the place of rejected ones."""
+        """Return the probability of each arc; a rejected arc is left out, and another is drawn."""
         total, n = sum(attractions.values()), len(attractions)
         chances = dict.fromkeys(attractions, 0.0)
         for arc, attraction in attractions.items():
@@ -250,7 +250,7 @@ class Ant:
         return chances
 
     def unreached(self, trails, robot):
-        """For each node the probability that no other robot is paid there, as far as is known.
+        """Return for each node the probability that no other robot is paid there.
 
         Where all are out at once, some have not begun before the robot's second turn.
         """
@@ -351,7 +351,7 @@ class Repairer:
 
 @lru_cache(maxsize=1)
 def _arcs(mission):
-    """Survival and length of each arc; twins ask for those of one mission again and again."""
+    """Return the survival and the length of each arc, cached because twins ask often."""
     graph = mission.world.graph
     arcs = list(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))
     return [dict(zip(arcs, of.tolist(), strict=True)) for of in (graph.survival, graph.length)]

@@ -20,7 +20,7 @@ PLANS = [TrailPlan(trails) for trails in (*TRAILS, [A, B, C], [C, A, B])]
 
 @st.composite
 def showings(draw, n_objectives=2):
-    """What is shown at a time: numbers of plans, the plans, and their objectives."""
+    """Draw what an archive is given at a time: numbers of plans, plans, objectives."""
     values, n = st.tuples(*[st.integers(0, 4)] * n_objectives), len(PLANS)
     drawn = draw(st.lists(values, min_size=n - 1, max_size=n - 1))
     objectives = np.array([*drawn, drawn[-1]], float)  # equal plans have equal objectives

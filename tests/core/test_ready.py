@@ -54,7 +54,7 @@ def n_compiled(*kernels):
 
 
 def n_tasks(elsewhere):
-    """How many kernels the process has been given."""
+    """Return how many kernels were sent to the other process."""
     return elsewhere.stdin.getvalue().count(b"simple.<locals>.double")
 
 

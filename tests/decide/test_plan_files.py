@@ -134,7 +134,7 @@ def harbour(labels=("dock", "reef", "pier"), *, robots=2, geographic=True, **mor
 
 
 def around(mission, n=1):
-    """The first robots sail around, and the others stay."""
+    """Return the plan in which the first ``n`` robots sail around and the others stay."""
     trail = [*mission.nodes, mission.base]
     return mission.plan([trail] * n + [[mission.base]] * (mission.robots - n))
 

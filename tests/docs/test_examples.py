@@ -58,7 +58,7 @@ def shown(guide, language):
 
 @pytest.fixture
 def follow(site, tmp_path):
-    """Gives a function that types what a guide has its reader type, and returns the outputs."""
+    """Return a function that runs a guide's commands and returns their outputs."""
 
     def follow(guide, site=site):
         study = STUDIES.get(guide)

@@ -24,7 +24,7 @@ def said(*args, status=0):
 
 @pytest.fixture
 def library(tmp_path):
-    """The option that names another folder as the library."""
+    """Return the option for another library folder."""
     (tmp_path / "library").mkdir()
     return ("--library", tmp_path / "library")
 

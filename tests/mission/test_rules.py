@@ -79,7 +79,7 @@ class TestNumbersAndFlags:
         for value in values:
             said = "found none" if value is None else f"got {value!r}"
             found = faults_of(harbour(**{whose: {name: value}}))
-            assert [fault.removesuffix("; write a number, as 0.95") for fault in found] == [
+            assert [fault.removesuffix("; write a number, such as 0.95") for fault in found] == [
                 f"{owner}expected {expected}, {said}"
             ]
 
@@ -103,7 +103,7 @@ class TestNumbersAndFlags:
 REFUSED = [
     (
         plain(reef={"reward": "2,5"}, dock_reef={"survival": {}}),
-        f"{NODE}expected a finite reward >= 0, got '2,5'; write a number, as 0.95",
+        f"{NODE}expected a finite reward >= 0, got '2,5'; write a number, such as 0.95",
         f"{ARC}expected survival in [0, 1] of kind 'robot', found none",
     ),
     (

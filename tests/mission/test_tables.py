@@ -94,7 +94,7 @@ def test_labels_that_are_numbers_and_nullable_types():
             {},
             [
                 "arcs, row 0: arc 'dock' -> 'reef': expected survival in (0, 1], got '95%'; write "
-                "a number, as 0.95",
+                "a number, such as 0.95",
             ],
         ),
     ],

@@ -1,4 +1,4 @@
-"""What can be read back from a picture."""
+"""Functions that read a picture back."""
 
 import itertools
 from collections import defaultdict
@@ -11,7 +11,7 @@ from botohe_moo.plots.site import node_positions
 
 
 def drawn(ax, name):
-    """Return the artists that a picture calls so, by their labels."""
+    """Return the artists of this name."""
     return [artist for artist in ax.get_children() if artist.get_label() == f"_{name}"]
 
 

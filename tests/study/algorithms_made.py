@@ -82,7 +82,7 @@ class Doing(ArchiveAlgorithm):
 
 
 class InKernel(Doing):
-    """Says that it evaluates where no problem sees it; studies give it one that does not count."""
+    """Declares that it evaluates in kernels: studies give it a problem that does not count."""
 
     evaluates_in_kernels = True
 

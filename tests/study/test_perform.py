@@ -389,7 +389,7 @@ class TestPool:
         assert outcome_of(pool, ours).status == "done"
 
     def test_no_process_is_left_behind(self, processes_there):
-        """Neither of what is killed nor of what dies by itself; nor when one is to stop."""
+        """Not after a run is killed, not after it dies, and not after the pool is stopped."""
         what, budget = f"os.fork(); {FOR_EVER}", {"seconds": 0.3}
         assert outcome_of(WorkerPool(), doing(what, budget=budget)).status == "timeout"
         dying = "os.fork() or time.sleep(3600); os._exit(3)"

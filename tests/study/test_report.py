@@ -83,7 +83,7 @@ def judged(folder, areas, **changes):
 
 
 class Page(HTMLParser):
-    """A page that needs nothing but itself, and whose tags balance."""
+    """Parses a page; fails if it loads anything else or a tag is not closed."""
 
     def __init__(self, text):
         super().__init__()

@@ -450,7 +450,7 @@ class TestCommands:
         path, folder = tmp_path / "s.json", tmp_path / "out"
         path.write_text(json.dumps(study_of(algorithms=algorithms, seeds=1)))
         said = invoke("plan", path, "--out", folder)
-        assert "2 runs: 0 are there, 2 to go" in said
+        assert "toy bad 1 0 toy good 1 0 2 runs: 0 are there, 2 to go" in said
         assert "With 1 seed, no difference can be significant at 0.05 after" in said
         assert said.endswith(": 4 seeds are needed")  # 2 / binomial(8, 4) = 0.029
         assert not folder.exists()

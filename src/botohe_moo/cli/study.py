@@ -173,6 +173,7 @@ def plan(file: Path, *, out: Path | None = None) -> None:
     from botohe_moo.study import runner
     from botohe_moo.study.folder import StudyFolder
     from botohe_moo.study.model import study_folder
+    from botohe_moo.study.statistics import seeds_needed
 
     with failing():
         study = studies.load_study(file)
@@ -182,10 +183,11 @@ def plan(file: Path, *, out: Path | None = None) -> None:
     tell(_plan_table(planned))
     n_there, n_runs, n_bounds = map(len, (planned.finished, planned.runs, planned.unbounded))
     tell(f"\n{n_runs} runs: {n_there} are there, {n_runs - n_there} to go, in {folder.path}")
-    if len(study.seeds) < (needed := study.seeds_needed):
-        few, level = counted(len(study.seeds), "seed"), study.file.comparison.significance
+    control, level = study.file.comparison.control, study.file.comparison.significance
+    needed = seeds_needed(len(study.algorithms), has_control=bool(control), significance=level)
+    if len(study.seeds) < needed:
         why = f"no difference can be significant at {level:g} after Holm's correction"
-        tell(f"With {few}, {why}: {needed} seeds are needed")
+        tell(f"With {counted(len(study.seeds), 'seed')}, {why}: {needed} seeds are needed")
     if n_bounds:
         each = f"at most {_duration(study.bound_seconds)} each"
         tell(f"{counted(n_bounds, 'bound')} to compute when the runs are done, {each}")
@@ -195,7 +197,7 @@ def _plan_table(planned: Plan) -> str:
     counts: dict[tuple[str, str], Counter[str]] = defaultdict(Counter)
     for run in planned.runs:
         labels = run.mission.label, run.algorithm.label
-        counts[labels].update(runs=1, there=run.digest in planned.finished)
+        counts[labels].update(runs=1, there=int(run.digest in planned.finished))
     titles = ("runs", "there")
     rows = [(*labels, *(str(n[title]) for title in titles)) for labels, n in counts.items()]
     return common.table([("mission", "algorithm", *titles), *rows])

@@ -251,7 +251,7 @@ def _faults_of(given: Mapping[str, Any], rules: Rules, names: Sequence[str] = ()
             of_kinds = {kind: (f"{expected} of kind {quoted(kind)}", *test) for kind in asked}
             yield from _faults_of(value, of_kinds)
         else:
-            hint = "; write a number, as 0.95" if isinstance(value, str) and holds(1) else ""
+            hint = "; write a number, such as 0.95" if isinstance(value, str) and holds(1) else ""
             found = "found none" if value is None else f"got {quoted(value)}{hint}"
             yield f"expected {expected}, {found}"
 

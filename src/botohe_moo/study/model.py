@@ -284,17 +284,6 @@ class Study:
         return self.file.bounds.seconds if self.file.bounds else 0.0
 
     @property
-    def seeds_needed(self) -> int:
-        """The fewest seeds with which a difference may be significant.
-
-        Two samples of n runs have a p-value of at least 2 / binomial(2 n, n) in a Mann-Whitney
-        test. Holm's correction multiplies the smallest by the number of tests on a mission.
-        """
-        n, level = len(self.algorithms), self.file.comparison.significance
-        tests = n - 1 if self.file.comparison.control else math.comb(n, 2)
-        return next(k for k in itertools.count(1) if 2 * tests / math.comb(2 * k, k) < level)
-
-    @property
     def bounded(self) -> tuple[StudyMission, ...]:
         """The missions whose fronts are to be bounded: all or none."""
         return self.missions if self.file.bounds else ()

@@ -3,7 +3,7 @@
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
-from itertools import combinations
+from itertools import combinations, count
 from typing import Any
 
 import numpy as np
@@ -87,6 +87,18 @@ def smallest_p(n: int, m: int) -> float:
     It is 2 / binomial(n + m, n): all values of one sample are above all of the other.
     """
     return 2 / math.comb(n + m, n)
+
+
+def seeds_needed(n_algorithms: int, *, has_control: bool, significance: float) -> int:
+    """Return the fewest runs of each algorithm with which a difference can be significant.
+
+    Holm's correction multiplies the smallest p-value by the number of tests on a mission.
+
+    >>> seeds_needed(3, has_control=True, significance=0.05)
+    5
+    """
+    n_tests = n_algorithms - 1 if has_control else math.comb(n_algorithms, 2)
+    return next(n for n in count(1) if n_tests * smallest_p(n, n) < significance)
 
 
 def generator_for(values: ArrayLike) -> np.random.Generator:

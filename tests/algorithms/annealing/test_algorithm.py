@@ -19,7 +19,7 @@ def begun(algorithm, budget, *, seed=1, **limits):
 
 
 def generations(algorithm, n=None):
-    """Let an algorithm go on, to its end or for some generations; yield its search after each."""
+    """Run an algorithm for ``n`` generations or to its end; yield its search after each."""
     while n != 0 and algorithm.has_next():
         algorithm.next()
         yield algorithm._search
@@ -94,7 +94,7 @@ def test_the_journal_keeps_only_the_best_plans_of_the_weights():
 
 
 def test_temperatures():
-    """They fall by a twentieth a step, or to a hundredth of what rewards say, or is given."""
+    """The journal's fall by a twentieth a step, ours to a hundredth of the first temperature."""
     algorithm = begun(journal(steps_per_generation=4), 100, seed=3)
     searches = zip((4, 8, 10, 4, 8, 10), generations(algorithm, 6), strict=True)
     for steps, search in searches:

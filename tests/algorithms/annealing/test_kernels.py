@@ -61,7 +61,7 @@ class Moves:
                 return [(i, j) for j in range(1, last) for i in range(1, j)]
 
     def changes(self, move, trail, i, j):
-        """What a move may make of a trail there, trail or not."""
+        """Return what a move can make of a trail at these positions, valid or not."""
         others = [node for node in self.nodes if node != self.end]
         before, after = trail[:i], trail[j + 1 :]
         match move:
@@ -126,7 +126,7 @@ class Moves:
         return dict(chances)
 
     def drawn(self, weights, trail):
-        """Outcomes of drawing moves until one can be made; empty where none ever can."""
+        """Return the probability of each outcome when moves are drawn until one is possible."""
         chances = defaultdict(float)
         for move, weight in zip(MOVES, weights, strict=False):
             for outcome, chance in self.outcomes(move, trail).items():
@@ -251,7 +251,7 @@ class Search:
 
     @property
     def trails(self):
-        """Those that the search is at, and its best."""
+        """Return the trails of the current plan and of the best plan."""
         return [
             tuple(
                 nodes_of(self.world, plan.items[start:stop])
@@ -278,7 +278,7 @@ def test_the_limits_bind_and_leave_room():
 
 
 def test_where_no_move_drawn_can_be_made_there_are_detours():
-    """On a cycle of one-way arcs, which only detours leave the base for."""
+    """On a cycle of one-way arcs, only a detour leaves the base."""
     mission = mission_of([(0, 1, 0.9), (1, 2, 0.9), (2, 0, 0.9)], [1] * 3, robots=1)
     assert Moves(mission).drawn(PUBLISHED, (0,)) == {}
     for least, expected in ((0.0, {(0,), (0, 1, 2, 0)}), (0.73, {(0,)})):  # one round: 0.729
@@ -341,7 +341,7 @@ TEMPERATURE, N_STEPS, N_TIMES = 0.06, 3, 12_000
     [(False, 1.0, 0.0), (False, 0.3, 0.4), (True, 1.0, 0.4), (True, 0.3, 0.0)],
 )
 def test_searches_end_with_the_chances_of_the_twin(every_robot, cooling, returning):
-    """Of the plan and the best one after three steps; ties are broken by rounding, so sorted."""
+    """Frequencies of the current and the best plan after three steps; ties are sorted."""
     rule = {"weight": 0.6, "cooling": cooling, "return_probability": returning}
     search = Search(crossroads(), seed=3, kinds=KINDS, every_robot=every_robot, **rule)
     counted, expected = Counter(), Counter()

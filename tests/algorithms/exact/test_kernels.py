@@ -52,7 +52,7 @@ def covers(some, others):
 @examples(150)
 @given(st.data(), missions(max_nodes=6, lengths=lengths), st.sampled_from([inf, 8.0, 3.0, 0.0]))
 def test_ways_and_arcs_of_no_use(data, mission, longest):
-    """Used ones, those too far for the travel budget, and those that lead nowhere."""
+    """The search skips arcs that are used, too long for the budget, or lead nowhere."""
     trail = data.draw(trails(mission))
     partial = trail[: data.draw(st.integers(1, len(trail)))]
     search, graph = search_for(mission, longest=longest)._search, mission.world.graph
@@ -100,7 +100,7 @@ def forked_missions(draw):
 
 
 def check_trails(mission, every, least, longest):
-    """Whether all are found that a robot or a team may need, no others, and what they are."""
+    """The search finds all trails that a robot or a team may need, and no others."""
     search = search_for(mission, least, longest)
     found = found_trails(search)
     named = [tuple(search.trail(row)) for row in range(len(found))]

@@ -59,7 +59,7 @@ class TestMigration:
         search.insert(search.mission.batch([search.mission.plan(plan) for plan in given]))
 
     def exchange(self, found, known):
-        """Let all searches take over what has entered the fronts since."""
+        """Send plans that are new in any front to all searches."""
         parts = [search.migrants(since) for search, since in zip(found, known, strict=True)]
         migrants = module._together(parts)
         for search in found:

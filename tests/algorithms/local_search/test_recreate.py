@@ -92,7 +92,7 @@ def test_one_robot_is_chosen_or_a_pair_and_maybe_more_or_all(plain, robots):
 
 
 def slack(plain, p_full, spread, **rule):
-    """Draw that of a trail that survives with 0.5 · 0.8 = 0.4, and is 3 + 1 long."""
+    """Draw the slack of a trail of survival 0.5 · 0.8 = 0.4 and length 3 + 1."""
     plain.setattr(kernels, "P_FULL", p_full)
     plain.setattr(kernels, "SPREAD", spread)
     mission = mission_of([(0, 1, 0.5, 3.0), (1, 0, 0.8, 1.0)], [0, 1], robots=1)

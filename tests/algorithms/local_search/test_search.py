@@ -207,7 +207,7 @@ class TestByHand:
     )
 
     def made(self, trail, move):
-        """All children that one robot's trail can have, whatever else is found."""
+        """Return all children of one robot's trail, over several seeds."""
         constants, seen = [(plans, "P_NEWEST", 0.0), (search, "P_END", 1.0)], set()
         rule = {"moves": {move: 1.0}, "prob_recreate": 0.0}
         for seed in range(9):

@@ -38,7 +38,7 @@ def test_there_is_room_for_what_one_parent_needs(robots):
     search, n_trails = unstarted(mission), max(N_TRAILS, robots + 1)
 
     def has_room(plans=0, trails=0, arcs=0, visits=0, stored=0):
-        """Whether there is, with so much less than is needed, and so many visits stored."""
+        """Return whether the search has room, with this much less than it needs."""
         search._front.n.spare = N_CHILDREN + 1 - plans
         n_arcs, n_visits = 4 * n_trails - arcs, 3 * n_trails - visits
         search._store = state.new_store(n_trails - trails, n_arcs, n_visits)
@@ -128,8 +128,8 @@ def test_costs_and_lengths_of_the_cheapest_paths_there_and_back(mission, per_len
 
 
 def noted(mission, kind, nodes, i):
-    """What a trail brings ahead of a position, what is banked and carried there, and the chance to
-    bring that to a depot; of the rewards aboard at the start no other counts.
+    """Return the reward ahead of a position, what is banked and carried there, and the probability
+    to bring that to a depot; of the rewards aboard at the start no other counts.
     """
     trail, of = [mission.nodes[node % len(mission.nodes)] for node in nodes], mission.graph.nodes
     alive, before, after = twins.alive_along(mission, kind, trail), trail[: i + 1], trail[i + 1 :]

@@ -278,6 +278,7 @@ class BOACO(ArchiveAlgorithm):
         reaches the node). It is reward_epsilon for a node already in the trail, and the base.
     exploration
         Every candidate's weight is raised by exploration · (mean weight) / (number of candidates).
+        A candidate that breaks a limit is left out, and the others are weighed anew.
     pooled_deposit
         Whether both Pareto sets deposit as one multiset, divided by its size, or one after the
         other, each divided by its own size.
