@@ -16,10 +16,9 @@ from pydantic import Field
 from botohe_moo.algorithms.exact.front import MemoryLimit
 from botohe_moo.base.messages import quoted
 from botohe_moo.base.parameters import NotNegative, Positive, Probability, TravelBudget, checked
+from botohe_moo.bounds.deadline import Deadline
 from botohe_moo.bounds.front_bound import FrontBound
 from botohe_moo.bounds.proof import Proof
-from botohe_moo.bounds.schedule import Schedule
-from botohe_moo.bounds.turns import Clock, Turns
 from botohe_moo.core.compile import kernels
 from botohe_moo.core.world import Limits
 from botohe_moo.mission.model import Mission, check_mission
@@ -124,14 +123,20 @@ def bound_front(
     if not mission.is_plain:
         relaxation = relaxed_to_plain(mission, world.limits)
         world = relaxation.world
-    clock, turns = Clock(time_limit, n_threads), Turns(n_threads)
-    how: Any = {"seed": seed, "memory": memory_limit, "clock": clock, "turns": turns}
-    proof = Proof(relaxation, world, bounded=mission, **how)
+    proof = Proof(
+        relaxation,
+        world,
+        bounded=mission,
+        seed=seed,
+        memory=memory_limit,
+        deadline=Deadline(time_limit),
+        n_threads=n_threads,
+    )
     proof.bound().check("front", known)
     proof.known.add(known)
     try:
-        if not proof.find_front() and proof.prepare():
-            Schedule(proof, gap=gap, callback=callback).run()
+        if not proof.find_front():
+            proof.run(gap, callback)
     except KeyboardInterrupt:
         pass
     bound = proof.bound()

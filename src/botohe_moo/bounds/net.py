@@ -12,7 +12,6 @@ import numpy as np
 
 from botohe_moo.base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.bounds.kernels.states import NEVER, NONE, ROUNDING, Memory, Net, Pieces
-from botohe_moo.core.paths import find_near
 from botohe_moo.core.world import Graph, World, cheapest_ways, new_limits, new_world
 
 MOST_SLOPES = 16  # of the hull of a piece's excursions
@@ -185,8 +184,7 @@ def _arrives(world: World) -> BoolArray:
     return arrives
 
 
-# By what share survivals of ways are raised: paths are compared by sums of rounded logarithms.
-_ABOVE = 1e-9
+_SMALL = 8  # bits of a piece that all its nodes remember
 
 
 class RelaxedTrail(NamedTuple):
@@ -197,40 +195,32 @@ class RelaxedTrail(NamedTuple):
 
 
 class Remembered:
-    """The bits that each node remembers, ``n_bits`` at most.
+    """The bits that each node remembers: first its own, of which there are ``n_bits`` at most.
 
     Bits are rewards and arcs of the node's own piece, of which an arc into another piece stands for
-    the excursion. Those of the node itself come first, then the ``nearest`` ones, by the survival
-    of a round trip from the node.
+    the excursion.
     """
 
-    def __init__(self, net: Net, nearest: int, n_bits: int, most_compared: int) -> None:
+    def __init__(self, net: Net, n_bits: int) -> None:
         graph, pieces = net.graph, net.pieces
         self.net = net
-        self.bits: list[list[int]] = [[] for _ in range(graph.n_nodes)]
-        self.between: FloatArray | None = None
-        if graph.n_nodes <= most_compared and n_bits > 0:
-            self.between = _best_between(net)
-        # What a node may remember, and where that is: a reward is paid where a trail enters a
-        # piece, and not again.
+        # A reward is paid where a trail enters a piece, and not again.
         pays = np.setdiff1d(np.flatnonzero(graph.reward > 0.0), pieces.entry)
-        bits = np.append(pays, graph.n_nodes + pieces.arc[1:])
-        where = np.append(pays, pieces.gate[1:])
-        # Without distances a node chooses among its own, else among those of its piece.
-        groups = np.arange(graph.n_nodes) if self.between is None else pieces.of
-        order = np.argsort(groups[where], kind="stable")
-        ends = np.searchsorted(groups[where][order], groups, "right")
-        firsts = np.searchsorted(groups[where][order], groups, "left")
-        for node in range(graph.n_nodes if n_bits > 0 else 0):
-            among = order[firsts[node] : ends[node]]
-            near = np.ones(len(among))
-            if self.between is not None:
-                near = self.between[node, where[among]] * self.between[where[among], node]
-            is_own = where[among] == node
-            n_kept = min(max(int(is_own.sum()), nearest), n_bits)
-            self.bits[node] = bits[
-                among[np.argsort(-near - is_own, kind="stable")[:n_kept]]
-            ].tolist()
+        self.bits: list[list[int]] = [[] for _ in range(graph.n_nodes)]
+        for bit, node in zip(
+            [*pays.tolist(), *(graph.n_nodes + pieces.arc[1:]).tolist()],
+            [*pays.tolist(), *pieces.gate[1:].tolist()],
+            strict=True,
+        ):
+            self.bits[node].append(bit)
+        n_pieces = len(pieces.entry)
+        within: list[list[int]] = [[] for _ in range(n_pieces)]
+        for node, bits in enumerate(self.bits):
+            within[pieces.of[node]] += bits
+        for node, piece in enumerate(pieces.of.tolist()):
+            if len(within[piece]) <= _SMALL:
+                self.bits[node] = within[piece]
+        self.bits = [bits[:n_bits] for bits in self.bits]
 
     def add(self, wanted: Sequence[tuple[int, Sequence[int]]], n_bits: int) -> bool:
         """Add each bit whose nodes all have room for it; return whether any is new."""
@@ -308,12 +298,3 @@ class Remembered:
             else:
                 inside[-1].append((head, [bit, head] if pays else [bit]))
         return found
-
-
-def _best_between(net: Net) -> FloatArray:
-    """Return the survival of the safest way from each node to each (n_nodes, n_nodes), or more."""
-    n_nodes = net.graph.n_nodes
-    near, between = find_near(net.world, n_nodes), np.zeros((n_nodes, n_nodes))
-    np.put_along_axis(between, near.nodes, near.reach, axis=1)
-    np.fill_diagonal(between, 1.0)
-    return np.minimum(between * (1.0 + _ABOVE) + np.finfo(float).tiny, 1.0)

@@ -9,13 +9,13 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from botohe_moo.base.types import FloatArray, OffsetArray
+from botohe_moo.bounds.deadline import Deadline
 from botohe_moo.bounds.kernels.relaxed import (
     Rule,
     Tables,
     Worth,
-    bound_excursions,
     follow,
-    relax,
+    look_ahead,
 )
 from botohe_moo.bounds.kernels.states import Net, States, find_states
 from botohe_moo.bounds.kernels.trails import (
@@ -26,7 +26,6 @@ from botohe_moo.bounds.kernels.trails import (
     new_depths,
 )
 from botohe_moo.bounds.net import MOST_SLOPES, RelaxedTrail, Remembered
-from botohe_moo.bounds.turns import Clock, Turns
 
 _SLACK = 1e-9  # in shares of all reward: stairs are raised by as much more, to skip equal trails
 _EPSILON = float(np.finfo(float).eps)
@@ -36,14 +35,14 @@ _MOST_TRAIL = 400  # links of a relaxed trail that are looked at
 _TURNS = (-1, 0, 1, 2, 4, 7, 11)
 _STEEPEST = 20.0  # of the slopes of hulls, in shares of all reward
 _ENOUGH = 1e-4  # of all reward: how far hulls may lie above what is true, nearly
-_MOST_BITS = 14  # that a node remembers at most
+MOST_BITS = 14  # that a node remembers at most
 _FIRST_STATES = 15_000  # of relaxed trails at first
 _MOST_STATES = 40_000  # of relaxed trails that have learned what to remember
 _N_SEEN = 1 << 18  # sets of arcs that a depth-first search recognises when it meets them again
-_GROWTH = 1.5  # largest factor for the number of states, when relaxed trails remember more
+# When relaxed trails remember more, there are at most so many states, or so many times as many.
+_FREE_STATES, _GROWTH = 4_000, 1.5
 _MOST_FOUND = 50_000  # trails that a search returns
 _MOST_FOUND_ARCS = 1 << 22  # room for the arcs of all these trails
-_SECONDS_A_LOOK, _SECONDS_A_LINK = 6.5e-9, 5e-8  # at links, in looks ahead and searches
 LEVELS = 24  # of probabilities to be alive, or up to twice as many
 MOST_LINES = 8  # prices under which a search bounds what lies ahead
 
@@ -65,7 +64,7 @@ BoundLines: TypeAlias = Sequence[tuple[Ahead, FloatArray]]
 
 
 class Relaxation:
-    """Relaxed trails of a mission, with a memory that can grow.
+    """Relaxed trails of a mission, which remember ``n_bits`` of their own at each node, and learn.
 
     There is room for as many of their states as ``fits`` says.
     """
@@ -73,16 +72,16 @@ class Relaxation:
     def __init__(
         self,
         net: Net,
-        remembered: Remembered,
+        n_bits: int,
         random_state: np.random.Generator,
-        turns: Turns,
-        clock: Clock,
+        deadline: Deadline,
         fits: int,
     ) -> None:
-        self.net, self._remembered = net, remembered
-        self.turns, self.clock = turns, clock
+        self.net, self._deadline = net, deadline
         n_nodes = net.graph.n_nodes
         self._most_states = max(n_nodes + 1, min(_MOST_STATES, fits))
+        # Whether there was too little memory to learn more.
+        self.is_full = False
         self.total = float(net.graph.reward.sum())
         n_room = max(1, min(_MOST_FOUND, _MOST_FOUND_ARCS // max(1, net.graph.n_arcs)))
         # Scratch that no thread uses; more is made when it is needed.
@@ -90,15 +89,10 @@ class Relaxation:
             new_depths, net, random_state, _N_SEEN, n_room, MOST_LINES, 2 * LEVELS
         )
         self._depths = [self._new_depths()]
-        self._is_capped = False
-        first_states, wanted = max(n_nodes + 1, _FIRST_STATES), remembered.bits
-        n_bits = max(map(len, wanted), default=0)
-        # Whether there is too little memory for all that was to be remembered.
-        self.remembers_less = False
-        while not self._find_states(min(first_states, self._most_states)):
-            self.remembers_less = self._most_states < first_states
+        self._remembered = Remembered(net, n_bits)
+        while not self._find_states(min(max(n_nodes + 1, _FIRST_STATES), self._most_states)):
             n_bits -= 1
-            remembered.bits = [bits[:n_bits] for bits in wanted]
+            self._remembered = Remembered(net, n_bits)
 
     def _find_states(self, n_most: int) -> bool:
         """Find the states of what is remembered; return whether they are at most ``n_most``."""
@@ -109,41 +103,16 @@ class Relaxation:
 
     def look_ahead(self, prices: FloatArray, mus: Sequence[float]) -> list[Ahead]:
         """Bound all trails that leave the base, under prices of visits and each ``mu``."""
-        states = self.states
-        with self.turns.aside():
-            found, n_looks = self._look_ahead(states, prices, mus)
-        self.clock.count(_SECONDS_A_LOOK * n_looks)
-        return found
-
-    def _look_ahead(
-        self, states: States, prices: FloatArray, mus: Sequence[float]
-    ) -> tuple[list[Ahead], int]:
-        """Bound all trails that leave the base; return also how many links were looked at."""
-        net, graph, n_looks = self.net, self.net.graph, 0
-        tolerance, steepest = _TOLERANCE * self.total, _STEEPEST * self.total
-        cap = np.full((graph.n_nodes, prices.shape[1]), np.inf)
+        net, states = self.net, self.states
+        cap = float(prices[:, -1].sum()) * (1.0 + 1e-12)
+        rule = Rule(_TOLERANCE * self.total, cap, _STEEPEST * self.total, _ENOUGH * self.total)
         tables = new_tables(net, states, prices.shape[1] - 1)
-        # Where arcs are sure, relaxed trails may collect without end.
-        while True:
-            if self._is_capped:
-                cap = self._everything(prices)
-            rule = Rule(tolerance, cap, steepest, _ENOUGH * self.total)
-            inside, n_new = bound_excursions(net, states, prices, rule, tables)
-            n_looks += n_new
-            found = []
-            for mu in mus if inside < np.inf else ():
-                worth = Worth(prices, mu)
-                values = np.zeros((int(states.begin[1]), prices.shape[1]))
-                short, n_new = relax(net, states, worth, rule, tables, values)
-                n_looks += n_new
-                if short == np.inf and self._is_capped:
-                    level = np.arange(prices.shape[1]) / (prices.shape[1] - 1)
-                    node = states.node[: len(values)]
-                    values, short = cap[node] + mu * net.reach[node, None] * level, 0.0
-                found.append(self._ahead(states, worth, tables, values, max(short, inside)))
-            if len(found) == len(mus) and all(ahead.spare < np.inf for ahead in found):
-                return found, n_looks
-            self._is_capped = True
+        values = np.zeros((len(mus), int(states.begin[1]), prices.shape[1]))
+        short = look_ahead(net, states, prices, np.array(mus), rule, tables, values)
+        return [
+            self._ahead(states, Worth(prices, mu), tables, own, short)
+            for mu, own in zip(mus, values, strict=True)
+        ]
 
     def _ahead(
         self, states: States, worth: Worth, tables: Tables, values: FloatArray, short: float
@@ -161,23 +130,6 @@ class Relaxation:
         room = np.empty(2, np.int64), np.empty(2, np.int64)
         _, best = follow(self.net, states, worth, tables, values, -1, *room)
         return Ahead(states, worth, tables, values, spare, best + spare)
-
-    def _everything(self, prices: FloatArray) -> FloatArray:
-        """Bound what visits ahead of each node pay, as if a robot could go to all others at once.
-
-        Returns an array (n_nodes, n_levels + 1).
-        """
-        net, between, n_levels = self.net, self._remembered.between, prices.shape[1] - 1
-        alive = net.reach[:, None] * (np.arange(n_levels + 1) / n_levels)
-        cap = np.zeros_like(alive)
-        if between is None:
-            cap[:, 1:] += prices[:, -1].sum()
-        else:
-            for node in np.flatnonzero(prices[:, -1] > 0.0).tolist():
-                levels = alive * between[:, node, None] / net.reach[node] * n_levels
-                cap += np.interp(levels, np.arange(n_levels + 1), prices[node])
-        bounded: FloatArray = cap * (1.0 + 1e-12)
-        return bounded
 
     def best_trails(self, ahead: Ahead) -> list[RelaxedTrail]:
         """Return the best relaxed trail and similar ones, in which visits worth nothing do not pay.
@@ -240,15 +192,13 @@ class Relaxation:
         These are the arcs of trails (n, n_arcs), and how many they are (n).
         """
         depths = self._depths.pop() if self._depths else self._new_depths()
-        n_most = self.clock.most(rule.n_most, _SECONDS_A_LINK)
+        n_most = self._deadline.most_moves(rule.n_most)
         try:
-            with self.turns.aside():
-                states, ahead = lines[0][0].states, completions(lines)
-                within = rule._replace(n_most=n_most)
-                n = find_trails(self.net, states, worth, ahead, stairs, within, depths)
-            self.clock.count(_SECONDS_A_LINK * abs(n))
+            states, ahead = lines[0][0].states, completions(lines)
+            within = rule._replace(n_most=n_most)
+            n = find_trails(self.net, states, worth, ahead, stairs, within, depths)
             if -n > n_most and n_most < rule.n_most:
-                self.clock.end()
+                self._deadline.end()
             n_found = min(int(depths.found.n_trails), len(depths.n_arcs))
             return n >= 0, depths.arcs[:n_found].copy(), depths.n_arcs[:n_found].copy()
         finally:
@@ -260,13 +210,14 @@ class Relaxation:
         What the first trails do comes first.
         """
         before = self._remembered.bits
-        n_most = min(self._most_states, int(_GROWTH * len(self.states.node)) + 1)
+        n_most = min(self._most_states, max(_FREE_STATES, int(_GROWTH * len(self.states.node)) + 1))
         twice = [each for trail in trails for each in self._remembered.forgets(trail)]
         while twice:
-            if self._remembered.add(twice, _MOST_BITS) and self._find_states(n_most):
+            if self._remembered.add(twice, MOST_BITS) and self._find_states(n_most):
                 return True
             self._remembered.bits = before
             twice = twice[: len(twice) // 2]
+        self.is_full = n_most == self._most_states < _MOST_STATES
         return False
 
     def allows(self, trail: RelaxedTrail) -> bool:

@@ -1,7 +1,8 @@
-"""Bounds for teams whose robots' survivals are kept whole, under prices that are made for them.
+"""Stairs: what a trail is worth at most that survives with s or more, under given prices.
 
-Under any prices, stairs bound what a trail is worth that survives with s or more. A team of j
-robots whose survivals sum to x or more is worth at most the best sum of j steps that may do so.
+Step b is about survivals from b · width to (b + 1) · width, and heights never rise. A team of j
+robots whose survivals sum to x or more collects at most what nodes give beside prices, and the best
+sum of j steps that may survive so. Unlike a line, stairs keep the team's survival whole.
 """
 
 from __future__ import annotations
@@ -10,22 +11,20 @@ import math
 
 import numpy as np
 
-from botohe_moo.base.types import FloatArray, OffsetArray
-from botohe_moo.bounds.front_bound import Step, add_stairs, add_two, least_total
+from botohe_moo.base.types import FloatArray
+from botohe_moo.bounds.certificate import Certificate, Facts, Sums
+from botohe_moo.bounds.front_bound import add_stairs, add_two, least_total
+from botohe_moo.bounds.ground import MOST_SUMMED, N_STEPS, Ground, Target
 from botohe_moo.bounds.kernels.trails import Stairs
-from botohe_moo.bounds.lines import LEAST_MU, N_STEPS, Lines
-from botohe_moo.bounds.master import Pool, PricedTeam, Prices, Programme
-from botohe_moo.bounds.relaxation import Relaxation
-
-# As in ``proof``, these constants were chosen by experiment, and every bound is valid whatever they
-# are.
+from botohe_moo.bounds.prices import Pool, Prices
+from botohe_moo.bounds.programme import Programme
+from botohe_moo.bounds.relaxation import MOST_LINES, BoundLines
 
 _BINS = 100  # of survival, in the linear programme
-_MOST_MASTERS = 512  # linear programmes that are kept, of about a MiB each
 _MOST_SOLVED = 60  # times that the programme is solved for one pool
 _CUT = 1e-6  # by how much a row has to be violated to be added
 _TRAILS_AT_ONCE, _TEAMS_AT_ONCE = 30, 12  # rows that are added before it is solved again
-_MOST_LINKS = 2_000_000  # of a search, for each unit of effort
+_MOST_MOVES = 2_000_000  # of a search, for each unit of effort
 _MOST_PRICES = 12  # that are tried at one place
 _CLOSE = 1e-3  # how near to the programme's value a bound has to come, as a share of it
 _MARGIN = 6  # steps by which a search begins below what it needs
@@ -37,73 +36,53 @@ _WIDER, _FURTHER, _FURTHEST = 1.5, 0.1, 0.95
 # Where known trails alone are above the target, it lies this share of the gap beyond them.
 _BEYOND = 0.1
 _STAY = 0.5  # how much of the best prices is kept in the next ones
-MOST_MOVING = 20  # robots: sums of stairs take time that grows with the square of their number
-_FALL = 2e-5  # of all reward: heights are raised to multiples of it, so that there are few steps
 
 
-class StairsMaster(Programme):
-    """The linear programme for prices of ``n_robots`` that survive with ``x`` together.
+class StairsProgramme(Programme):
+    """The linear programme for prices of a team that survives with ``x`` together.
 
     It minimises Σ c + z: c is the most that a node gives beside prices, and z the most that a team
     is worth, which is at least the sum of F_b over any bins b whose survivals sum to x. F_b is at
     least what any known trail in bin b is worth, and never rises.
     """
 
-    def __init__(
-        self, team: PricedTeam, most_survival: float, x: float, relaxation: Relaxation
-    ) -> None:
-        cost = np.append(np.zeros(_BINS), 1.0)
-        super().__init__(team, cost, np.full(_BINS + 1, np.inf), relaxation)
-        self._stairs = slice(self._first_other, self._first_other + _BINS)
-        self._worth = self._first_other + _BINS
+    def __init__(self, ground: Ground, target: Target) -> None:
+        team, cost = ground.team(target.moving), np.append(np.zeros(_BINS), 1.0)
+        super().__init__(team, cost, np.full(_BINS + 1, np.inf), ground.deadline)
+        self._stairs = slice(self.first_other, self.first_other + _BINS)
+        self._worth = self.first_other + _BINS
         for b in range(self._stairs.start, self._stairs.stop - 1):
-            self._add(0.0, [b, b + 1], [1.0, -1.0])
-        self._width = most_survival * (1 + 1e-9) / _BINS
+            self.add(None, 0.0, [b, b + 1], [1.0, -1.0])
+        self._width = ground.most_survival * (1 + 1e-9) / _BINS
         # Trails lie half a bin above their bin's beginning, on average.
-        self._needed = max(0, round(x / self._width - (team.n_robots - 1) / 2))
-        self._trails: set[int] = set()
-        self.centre: FloatArray | None = None  # the best prices so far
+        self._needed = max(0, round(target.x / self._width - (team.n_robots - 1) / 2))
 
-    def solve(self, pool: Pool, until: float) -> tuple[float, FloatArray]:
+    def solve(self, pool: Pool) -> tuple[float, FloatArray]:
         """Return the least bound over known trails, and its prices (n_nodes that pay, ·)."""
         least_bin = self._needed - (self.team.n_robots - 1) * (_BINS - 1)
+        trails = pool.trails()
+        bins = np.minimum((trails.survival / self._width + 1e-9).astype(np.int64), _BINS - 1)
         for _ in range(_MOST_SOLVED):
-            solution, visits = self._run()
+            solution, visits, value = self.run()
             stairs = solution[self._stairs]
-            bins = np.minimum((pool.survival / self._width + 1e-9).astype(np.int64), _BINS - 1)
-            n = self._cut_configurations(visits, solution)
-            over = pool.values(Prices(visits, 0.0), relaxed=False) - stairs[bins]
+            n = self.cut_configurations(visits, solution)
+            over = trails.worth(Prices(visits, 0.0), relaxed=False) - stairs[bins]
             over[bins < least_bin] = -np.inf
-            n += self._cut_trails(pool, over, bins)
-            n += self._cut_teams(stairs, float(solution[self._worth]))
-            if n == 0 or self._clock.is_over(until):
+            known = {*self.rows}
+            for i in np.argsort(-over)[:_TRAILS_AT_ONCE].tolist():
+                if over[i] > _CUT and ("trail", i) not in known:
+                    first = self._stairs.start + int(bins[i])
+                    self.add_trail(("trail", i), trails.visits[i], {first: 1.0})
+                    n += 1
+            for team in self._best_teams(stairs):
+                if stairs[team].sum() > float(solution[self._worth]) + _CUT:
+                    used, counts = np.unique(team, return_counts=True)
+                    columns = [self._worth, *(self._stairs.start + used).tolist()]
+                    self.add(None, 0.0, columns, [1.0, *(-counts.astype(float)).tolist()])
+                    n += 1
+            if n == 0 or self._deadline.is_over():
                 break
-        return self._value, visits
-
-    def _cut_trails(self, pool: Pool, over: FloatArray, bins: OffsetArray) -> int:
-        """Add trails that are the most above the steps of their bins; return how many are new."""
-        n = 0
-        for i in np.argsort(-over)[:_TRAILS_AT_ONCE].tolist():
-            if over[i] <= _CUT:
-                break
-            if i not in self._trails:
-                self._trails.add(i)
-                visits = pool.visits[i]
-                columns = [self._stairs.start + int(bins[i]), *visits.columns.tolist()]
-                self._add(0.0, columns, [1.0, *(-visits.weights).tolist()])
-                n += 1
-        return n
-
-    def _cut_teams(self, stairs: FloatArray, worth: float) -> int:
-        """Add those teams of bins that are worth the most; return how many are worth too little."""
-        n = 0
-        for bins in self._best_teams(stairs):
-            if stairs[bins].sum() > worth + _CUT:
-                used, counts = np.unique(bins, return_counts=True)
-                columns = [self._worth, *(self._stairs.start + used).tolist()]
-                self._add(0.0, columns, [1.0, *(-counts.astype(float)).tolist()])
-                n += 1
-        return n
+        return value, visits
 
     def _best_teams(self, stairs: FloatArray) -> list[list[int]]:
         """Return the bins of teams that survive as needed, with the best ones for each last bin."""
@@ -128,114 +107,106 @@ class StairsMaster(Programme):
         return found
 
 
-class TeamStairs:
-    """What stairs prove for each number of moving robots, by the sum of their steps."""
+class StairsProver:
+    """Proves sums of stairs."""
 
-    def __init__(self, lines: list[Lines], most_survival: float) -> None:
-        self._lines, self._most_survival = lines, most_survival
-        self._relaxation, self._pool = lines[0].relaxation, lines[0].pool
-        self._width = most_survival * (1.0 + 1e-9) / N_STEPS
-        # Entry t of row j − 1: no team of j whose steps sum to t or more gets above it.
-        self._most = [np.full(j * (N_STEPS - 1) + 1, np.inf) for j in range(1, len(lines) + 1)]
-        self._masters: dict[tuple[int, float], StairsMaster] = {}
+    def __init__(self, ground: Ground) -> None:
+        self._ground = ground
+        self._centres: dict[tuple[int, float], FloatArray] = {}  # the best prices at each place
 
-    def bound(self, moving: int, x: float) -> float:
-        """Bound E[R] where the survivals of ``moving`` robots sum to ``x`` or more."""
-        most = self._most[moving - 1]
-        total = int(least_total(x, self._width, moving))
-        proved = float(most[: total + 1].min()) if total < len(most) else np.inf
-        return min(proved, self._lines[moving - 1].bound(x))
-
-    @property
-    def found(self) -> list[Step]:
-        """Steps, raised a little."""
-        steps, fall = [], _FALL * self._relaxation.total or 1.0
-        for moving, row in enumerate(self._most, 1):
-            most = np.minimum.accumulate(np.maximum(row, np.ceil(row / fall) * fall))
-            for total in np.flatnonzero(most < np.append(np.inf, most[:-1])).tolist():
-                least = (total + moving - 1) * self._width if total else 0.0
-                steps.append(Step(moving, float(most[total]), least * (1 + 1e-12), "exact"))
-        return steps
-
-    def improve(self, moving: int, x: float, effort: int, until: float) -> None:
-        """Lower the bound where the survivals of ``moving`` robots sum to ``x`` or more.
+    def prove(self, target: Target, certificate: Certificate) -> Facts:
+        """Prove sums for a target.
 
         Prices lie between the best ones known and those of the programme. Each search for trails is
-        given a target between the programme's value and the bound.
+        given a goal between the programme's value and the bound.
         """
-        lines, at = self._lines[moving - 1], (moving, x)
-        master = self._masters.pop(at, None)
-        master = master or StairsMaster(lines.team, self._most_survival, x, self._relaxation)
-        self._improve(master, moving, x, effort, until)
-        self._masters[at] = master
-        if len(self._masters) > _MOST_MASTERS:
-            del self._masters[next(iter(self._masters))]  # that was used the longest ago
-
-    def _improve(
-        self, master: StairsMaster, moving: int, x: float, effort: int, until: float
-    ) -> None:
-        lines = self._lines[moving - 1]
-        team, base_reward = lines.team, lines.base_reward
-        start = lines.lowest(x, x, 1)[0]
-        mu = max(start.mu, LEAST_MU * self._relaxation.total)
+        ground, moving, x = self._ground, target.moving, target.x
+        if moving == 1:
+            return self._prove_one(target, certificate)
+        team, total = ground.team(moving), int(least_total(x, ground.width, moving))
+        programme = StairsProgramme(ground, target)
+        start = ground.lowest(certificate, moving, x)
+        found: list[Sums] = []
         best, share, stay = np.inf, _FIRST_SHARE, 1.0
-        centre = start.visits if master.centre is None else master.centre
+        centre = self._centres.get((moving, x), start.visits)
+        bound = certificate.bound(moving, x)
         for i in range(_MOST_PRICES):
-            least, wanted = master.solve(self._pool, until)
-            if self._relaxation.clock.is_over(until):
-                return
-            least += base_reward
-            bound = self.bound(moving, x)
-            if bound <= least * (1 + _CLOSE):
-                return
+            least, wanted = programme.solve(ground.pool)
+            least += ground.base_reward
+            own = [float(sums.most[total - sums.first]) for sums in found if sums.moving == moving]
+            bound = min(bound, *own, math.inf)
+            if bound <= least * (1 + _CLOSE) or ground.deadline.is_over():
+                break
             visits = centre if stay == 1.0 else team.tidy(stay * centre + (1 - stay) * wanted)
-            beside = float(team.most(visits).sum()) + base_reward
+            beside = float(team.most(visits).sum()) + ground.base_reward
             known = self._known(visits, moving, x)
             teams = self._teams(known, moving, x)
             low = beside + float(teams.max())  # no search can show less
             if low >= bound and i > 0:
                 if stay == 0.0:
-                    return
+                    break
                 centre, stay = wanted, 0.0
                 continue
-            target = least + share * (bound - least)
-            if low > target:
-                target = low + _BEYOND * abs(bound - low)
-            floor = self._lifted(known, teams, moving, target - beside)
-            ended, stairs, n_found = self._search(Prices(visits, mu), moving, x, floor, effort)
-            if not ended:
+            goal = least + share * (bound - least)
+            if low > goal:
+                goal = low + _BEYOND * abs(bound - low)
+            floor = self._lifted(known, teams, moving, goal - beside)
+            ahead = ground.look_ahead_around(Prices(visits, start.mu))
+            first = self._first_step(moving, x)
+            new, n_found = self._raise(visits, ahead, floor, first, target.effort)
+            if not new:
                 share, stay = _WIDER * share + _FURTHER, _STAY
                 if share > _FURTHEST:
-                    return
+                    break
                 continue
-            reached = beside + float(self._teams(stairs, moving, x).max())
+            found += new
+            reached = beside + float(self._teams(floor, moving, x).max())
             if reached < best:
-                best, centre, master.centre = reached, visits, visits
+                best, centre = reached, visits
+                self._centres[moving, x] = visits
             if n_found:
                 stay = _STAY
             elif share <= _LEAST_SHARE and stay == 0.0:
-                return
+                break
             else:
                 stay, share = 0.0, max(_LEAST_SHARE, share / 2)
+        return Facts(sums=tuple(found))
+
+    def _prove_one(self, target: Target, certificate: Certificate) -> Facts:
+        """Find what one robot collects at most.
+
+        Its prices are the rewards, so that nodes give nothing beside them. What lies ahead is
+        bounded by several lines, and what rewards exceed their prices by.
+        """
+        ground, x = self._ground, target.x
+        team = ground.team(1)
+        visits = team.reward[:, None] * team.alive
+        others = certificate.lowest(1, x, ground.most_survival, MOST_LINES)
+        others = others or [ground.lowest(certificate, 1, x)]
+        beside = [team.to_all(team.most(other.visits)) for other in others]
+        lines = [(ground.look_ahead(other), own) for other, own in zip(others, beside, strict=True)]
+        stairs = ground.known_stairs(visits)
+        return Facts(sums=tuple(self._raise(visits, lines, stairs, x, target.effort)[0]))
 
     def _first_step(self, moving: int, x: float) -> float:
         """Return the survival from which on trails are searched."""
-        return max(0.0, x - _MARGIN * self._width - (moving - 1) * self._most_survival)
+        ground = self._ground
+        return max(0.0, x - _MARGIN * ground.width - (moving - 1) * ground.most_survival)
 
     def _known(self, visits: FloatArray, moving: int, x: float) -> FloatArray:
-        """Return the stairs of known trails that survive as a team needs it (n_steps)."""
-        known = self._lines[moving - 1].known_stairs(visits, self._width)
-        first = int(self._first_step(moving, x) / self._width)
+        """Return the stairs of known trails that survive as a team needs it (N_STEPS)."""
+        known = self._ground.known_stairs(visits)
+        first = int(self._first_step(moving, x) / self._ground.width)
         known[:first] = known[min(first, N_STEPS - 1)]
         return known
 
     def _teams(self, stairs: FloatArray, moving: int, x: float) -> FloatArray:
-        """Return the most that a team with a robot on each step is worth (n_steps).
+        """Return the most that a team with a robot on each step is worth (N_STEPS).
 
         Its ``moving`` robots survive with ``x`` together; −inf where they cannot.
         """
         others = add_stairs(stairs, moving - 1)
-        left = np.maximum(least_total(x, self._width, moving) - np.arange(N_STEPS), 0)
+        left = np.maximum(least_total(x, self._ground.width, moving) - np.arange(N_STEPS), 0)
         best = stairs + others[np.minimum(left, len(others) - 1)]
         return np.where(left < len(others), best, -np.inf)
 
@@ -247,36 +218,30 @@ class TeamStairs:
         Each of a team's robots takes an equal part of what is left to the ``best`` team with its
         step.
         """
-        room = np.minimum(np.maximum(0.0, worth - best) / moving, self._relaxation.total)
+        room = np.maximum(0.0, worth - best) / moving
+        room = np.minimum(room, self._ground.relaxation.total)
         lifted: FloatArray = np.minimum.accumulate(stairs + room)
         return lifted
 
-    def _search(
-        self, prices: Prices, moving: int, x: float, floor: FloatArray, effort: int
-    ) -> tuple[bool, FloatArray, int]:
-        """Raise a floor above all trails; return whether that ended, the stairs, and trails found.
+    def _raise(
+        self, visits: FloatArray, lines: BoundLines, floor: FloatArray, least: float, effort: int
+    ) -> tuple[list[Sums], int]:
+        """Raise a floor above all trails that survive with ``least`` or more.
 
-        Stairs are kept for all numbers of robots.
+        Returns what that proves for each number of robots, nothing if the search did not end, and
+        how many trails were found. Sums are raised for rounding as steps are.
         """
-        lines = self._lines[moving - 1]
-        stairs = Stairs(floor, self._width, self._first_step(moving, x))
-        ahead = lines.look_ahead_around(prices.visits, prices.mu)
-        ended, n_found = lines.raise_stairs(prices.visits, ahead, stairs, _MOST_LINKS * effort)
-        if ended:
-            self._keep(prices.visits, stairs.heights, stairs.least)
-        return ended, stairs.heights, n_found
-
-    def _keep(self, visits: FloatArray, stairs: FloatArray, least: float) -> None:
-        """Keep what stairs prove that hold for survivals of ``least`` or more.
-
-        Sums are raised as those of :class:`Steps` are: products at each factor, and over nodes.
-        """
+        ground, found = self._ground, list[Sums]()
+        stairs = Stairs(floor, ground.width, least)
+        ended, n_found = ground.raise_stairs(visits, lines, stairs, _MOST_MOVES * effort)
         most = np.zeros(1)
-        for moving, lines in enumerate(self._lines, 1):
-            most, row = add_two(stairs, most), self._most[moving - 1]
+        for moving in range(1, min(ground.n_robots, MOST_SUMMED) + 1) if ended else ():
+            most = add_two(floor, most)
             # Where teams survive with so much, each of their robots survives with ``least``.
-            x = least + (moving - 1) * self._most_survival
-            first = 0 if least == 0.0 else int(x / self._width * (1 + 1e-9)) + 1
-            worth = lines.base_reward + float(lines.team.most(visits).sum()) + most[first:]
-            scale = self._relaxation.total + lines.base_reward + worth
-            row[first:] = np.minimum(row[first:], worth + lines.rounding * scale)
+            x = least + (moving - 1) * ground.most_survival
+            first = 0 if least == 0.0 else int(x / ground.width * (1 + 1e-9)) + 1
+            beside = ground.base_reward + float(ground.team(moving).most(visits).sum())
+            worth = beside + most[first:]
+            scale = ground.relaxation.total + ground.base_reward + worth
+            found.append(Sums(moving, first, worth + ground.rounding(moving) * scale))
+        return found, n_found

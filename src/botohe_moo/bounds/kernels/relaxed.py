@@ -61,7 +61,7 @@ class _Level(NamedTuple):
     part: FloatArray
     # What a state is worth that stops, or takes a link to a level that is known (n_states).
     known: FloatArray
-    cap: FloatArray  # what it does not get above (n_states)
+    cap: FloatArray  # what it is not worth more than (n_states)
     value: FloatArray  # what lies ahead of each state with these choices, or more (n_states)
     chosen: OffsetArray  # a link of the level, or −1 for what is known (n_states)
     before: OffsetArray  # the link that was chosen at the level below, or −1 (n_states)
@@ -75,9 +75,7 @@ class Rule(NamedTuple):
     """How values are computed."""
 
     tolerance: float  # values are raised only where they rise by more
-    cap: (
-        FloatArray  # what visits ahead of each node are not worth more than (n_nodes, n_levels + 1)
-    )
+    cap: float  # what no visits ahead are worth more than together
     steepest: float  # the largest slope of a hull
     enough: float  # by how much a hull may lie above the true one, nearly
 
@@ -104,8 +102,8 @@ def _count_linear(prices: FloatArray) -> int:
 
 
 @inlined
-def _follow_choices(level: _Level, n_states: int) -> bool:
-    """Compute what all states are worth with the links chosen; False where one is infinite."""
+def _follow_choices(level: _Level, n_states: int) -> None:
+    """Compute what all states are worth with the links chosen."""
     cap, value = level.cap, level.value
     chosen, path, seen = level.chosen, level.path, level.seen
     seen[:n_states] = 0
@@ -129,8 +127,6 @@ def _follow_choices(level: _Level, n_states: int) -> bool:
                     break
             most = cap[state]
             value[state] = min(total / (1.0 - left), most) if left < 1.0 - _LEAST_LOSS else most
-            if value[state] == np.inf:
-                return False
             seen[state] = 2
         for i in range(n - 1, -1, -1):
             at = path[i]
@@ -139,7 +135,6 @@ def _follow_choices(level: _Level, n_states: int) -> bool:
                 worth = level.gain[link] + level.part[link] * value[level.to[link]]
                 value[at] = min(worth, cap[at])
                 seen[at] = 2
-    return True
 
 
 @inlined
@@ -210,32 +205,35 @@ def _solve(
     rule: Rule,
     level: _Level,
     n_linear: int,
-) -> tuple[float, int]:
+) -> float:
     """Write what lies ahead of each state of a piece to ``level.below``, for one slope.
 
-    Returns the most by which a value falls short of the best that one step leads to, up to
-    rounding, inf where choices were improved too often; and how many links were looked at.
+    Levels are solved from the lowest up, each by policy iteration: Howard, "Dynamic Programming and
+    Markov Processes", MIT Press, 1960. Given the levels below, what lies ahead of a state is linear
+    in what lies ahead of the others, so that one choice of a link in each state can be valued at
+    once. Where choices would have to be improved too often, values are at the cap. Returns the most
+    by which a value falls short of the best that one step leads to, up to rounding.
     """
     begin, n_states = states.begin[piece], states.begin[piece + 1] - states.begin[piece]
     n_levels, entry = level.below.shape[0] - 1, net.pieces.entry[piece]
-    most_short, n_looks = 0.0, 0
+    most_short = 0.0
     level.below[0, :n_states], level.before[:n_states] = 0.0, -1
     for at in range(n_linear, n_levels + 1):
         for state in range(n_states):
             node = states.node[begin + state]
             survived = slope * net.reach[node] * at / n_levels
-            level.cap[state] = rule.cap[node, at] + survived
+            level.cap[state] = rule.cap + survived
             level.known[state] = survived if node == entry else 0.0
         _weigh_links(states, piece, tables, level, at, at == n_linear)
-        n_looks += states.first[begin + n_states] - states.first[begin]
-        n_own = n_states + level.first[n_states]
         is_better, short, n = True, 0.0, 0
-        while is_better:
-            if n == _MOST_CHOICES or not _follow_choices(level, n_states):
-                return np.inf, n_looks
+        while is_better and n < _MOST_CHOICES:
+            _follow_choices(level, n_states)
             n += 1
-            n_looks += n_own
             is_better, short = _choose(level, n_states, rule.tolerance, n % 2 == 0)
+        if is_better:
+            short = 0.0
+            for state in range(n_states):
+                level.value[state] = level.cap[state]
         most_short = max(most_short, short)
         for state in range(n_states):
             chosen = level.chosen[state]
@@ -243,7 +241,7 @@ def _solve(
         for lower in range(1 if at == n_linear else at, at + 1):
             for state in range(n_states):
                 level.below[lower, state] = level.value[state] * (lower / at)
-    return most_short, n_looks
+    return most_short
 
 
 @array_maker
@@ -336,30 +334,36 @@ def _write_options(net: Net, piece: int, tables: Tables, heights: FloatArray, n:
 
 
 @kernel
-def bound_excursions(
-    net: Net, states: States, prices: FloatArray, rule: Rule, tables: Tables
-) -> tuple[float, int]:
-    """Write the tables of all pieces beyond bridges, from the outermost inwards, and all moves.
+def look_ahead(
+    net: Net,
+    states: States,
+    prices: FloatArray,
+    mus: FloatArray,
+    rule: Rule,
+    tables: Tables,
+    values: FloatArray,
+) -> float:
+    """Write what excursions are worth, and what lies ahead of each state of the base's piece.
 
-    Slopes are added where the lines may lie furthest above the hull, as in sandwich algorithms:
-    Rote, "The convergence rate of the sandwich algorithm for approximating convex functions",
-    Computing 48, 1992. Returns what :func:`relax` returns.
+    Pieces come from the outermost inwards, and the base's at the end, for each price of survival
+    (n_mus, n_states there, n_levels + 1). Slopes are added where the lines may lie furthest above
+    the hull, as in sandwich algorithms: Rote, "The convergence rate of the sandwich algorithm for
+    approximating convex functions", Computing 48, 1992. Prices have to be convex. Returns the most
+    by which a value falls short of the best that one step leads to, up to rounding.
     """
     graph, pieces = net.world.graph, net.pieces
     n_levels, n_arcs = prices.shape[1] - 1, graph.head.shape[0]
     for at in range(n_levels + 1):
         for arc in range(n_arcs):
             there = net.ratio[arc] * at
-            tables.there[at, arc], tables.paid[at, arc] = (
-                there,
-                chord(prices, graph.head[arc], there),
-            )
-    n_linear = _count_linear(prices) if np.isinf(rule.cap).all() else 1
+            tables.there[at, arc] = there
+            tables.paid[at, arc] = chord(prices, graph.head[arc], there)
+    n_linear = _count_linear(prices)
     level, n_most = _new_level(states, n_levels), tables.slope.shape[1]
     heights, most = np.empty((n_most, n_levels + 1)), np.empty(n_levels + 1)
-    most_short, n_looks = _STRAIGHT * prices.max(), 0
+    most_short = _STRAIGHT * prices.max()
     for piece in range(pieces.entry.shape[0] - 1, 0, -1):
-        begin, n_states = states.begin[piece], states.begin[piece + 1] - states.begin[piece]
+        n_states = states.begin[piece + 1] - states.begin[piece]
         entry, first = pieces.entry[piece], n_arcs + pieces.first_option[piece]
         out, home = graph.survival[pieces.arc[piece]], graph.survival[pieces.back[piece]]
         if pieces.first_option[piece + 1] - pieces.first_option[piece] == 1:  # a dead end
@@ -378,17 +382,7 @@ def bound_excursions(
                 slope[k], row[k], heights[k] = slope[k - 1], row[k - 1], heights[k - 1]
             slope[where], row[where] = new, free
             n += 1
-            short, n_new = _solve(net, states, piece, new, tables, rule, level, n_linear)
-            n_looks += n_new
-            if short == np.inf:
-                if np.isinf(rule.cap).all():
-                    return np.inf, n_looks
-                short = 0.0
-                for at in range(n_levels + 1):
-                    for state in range(n_states):
-                        node = states.node[begin + state]
-                        survived = new * net.reach[node] * at / n_levels
-                        level.below[at, state] = rule.cap[node, at] + survived
+            short = _solve(net, states, piece, new, tables, rule, level, n_linear)
             most_short = max(most_short, short)
             for state in range(n_states):
                 tables.values[free + state] = level.below[:, state]
@@ -404,30 +398,12 @@ def bound_excursions(
                 break
         tables.n_slopes[piece] = n
         _write_options(net, piece, tables, heights, n)
-    return most_short, n_looks
-
-
-@kernel
-def relax(
-    net: Net, states: States, worth: Worth, rule: Rule, tables: Tables, values: FloatArray
-) -> tuple[float, int]:
-    """Write what lies ahead of each state of the base's piece, to a tolerance (n, n_levels + 1).
-
-    Levels are solved from the lowest up, each by policy iteration: Howard, "Dynamic Programming and
-    Markov Processes", MIT Press, 1960. Given the levels below, what lies ahead of a state is linear
-    in what lies ahead of the others, so that one choice of a link in each state can be valued at
-    once. Choices are improved until none can be. Nothing gets above the cap. Prices have to be
-    convex.
-
-    Returns the most by which a value falls short of the best that one step leads to, up to
-    rounding, inf where choices were improved too often; and how many links were looked at.
-    """
-    n_linear = _count_linear(worth.prices) if np.isinf(rule.cap).all() else 1
-    level = _new_level(states, worth.prices.shape[1] - 1)
-    short, n_looks = _solve(net, states, 0, worth.mu, tables, rule, level, n_linear)
-    for state in range(values.shape[0]):
-        values[state] = level.below[:, state]
-    return max(short, _STRAIGHT * worth.prices.max()), n_looks
+    for i in range(mus.shape[0]):
+        short = _solve(net, states, 0, mus[i], tables, rule, level, n_linear)
+        most_short = max(most_short, short)
+        for state in range(values.shape[1]):
+            values[i, state] = level.below[:, state]
+    return float(most_short)
 
 
 @kernel

@@ -1,0 +1,300 @@
+"""What is attempted next: where known plans and the bound are the furthest apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import Any, Protocol
+
+import numpy as np
+
+from botohe_moo.base.types import BoolArray, FloatArray, OffsetArray
+from botohe_moo.bounds.certificate import Certificate, Facts
+from botohe_moo.bounds.front_bound import FrontBound
+from botohe_moo.bounds.ground import MOST_SUMMED, Ground, Target
+from botohe_moo.bounds.lines import LineProver
+from botohe_moo.bounds.stairs import StairsProver
+from botohe_moo.bounds.teams import LEAST_SURVIVAL, TeamProver
+
+# As in ``ground``, these constants were chosen by experiment, and every bound is valid whatever
+# they are.
+
+_CELLS = 24  # of the range of E[S] in the first round, and twice as many in each further one
+_MOST_ROUNDS = 5
+_TURN = 30.0  # what is attempted in one turn, in steps of the least effort
+# A turn counts as if it closed at least this share of the gap, and the speed of kinds that wait
+# grows by this factor in each turn.
+_LEAST_CLOSED, _AGES = 1e-3, 1.2
+_NEAR = 1 / 48  # of the range of E[S]: steps as near as this are as hard
+_CLOSE = 5e-4  # share of its goal by which the bound has to exceed it for a step to be tried
+# The goal of a step that is too hard is raised by a share of the gap; from a largest share on, the
+# step is tried with several times the effort instead.
+_EASIER, _EASIEST = 0.25, 0.5
+_MORE, _MOST_EFFORT = 8, 64
+_SAMPLES = 3_000  # of E[S], where known plans and bounds are compared
+_ROUNDING = 1e-12  # ends of steps are raised by this share: they are sums of rounded products
+_AFTER = 1e-9  # share of its survivors by which a step begins above a known plan
+
+
+class Known:
+    """The front of known plans, sampled at ``survivors`` (n); ``reached`` is their E[R] (n)."""
+
+    def __init__(self, base_reward: float, robots: int) -> None:
+        self.robots = robots
+        self._objectives = np.array([[base_reward, float(robots)]])
+        self.survivors: FloatArray = (np.arange(_SAMPLES) + 0.5) / _SAMPLES * robots
+        self.reached: FloatArray = np.full(_SAMPLES, base_reward)
+
+    def add(self, objectives: FloatArray) -> None:
+        """Add the E[R] and E[S] of plans (n, 2)."""
+        self._objectives = np.vstack([self._objectives, objectives])
+        _, ends, heights = self.steps()
+        # By rounding, the last plan may have less than all robots as its survivors.
+        places = np.searchsorted(ends * (1 + _ROUNDING), self.survivors)
+        self.reached = heights[np.minimum(places, len(ends) - 1)]
+
+    def steps(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return where steps begin and end in E[S], which ascends, and their E[R]."""
+        order = np.lexsort((-self._objectives[:, 0], self._objectives[:, 1]))
+        reward, survivors = self._objectives[order].T
+        best = np.maximum.accumulate(reward[::-1])[::-1]
+        is_corner = np.append(best[1:] < best[:-1], True)
+        ends = survivors[is_corner]
+        return np.append(0.0, ends[:-1] * (1 + _AFTER)), ends, best[is_corner]
+
+    def gap(self, bound: FrontBound) -> float:
+        """Return the share by which a bound exceeds what is reached, on average."""
+        above = float(np.maximum(0.0, bound.bound(self.survivors) - self.reached).sum())
+        return 0.0 if above == 0.0 else above / float(self.reached.sum() or 1e-300)
+
+
+class Prover(Protocol):
+    """What attempts to prove something."""
+
+    def prove(self, target: Target, certificate: Certificate) -> Facts:
+        """Prove what can be proved for a target."""
+
+
+class Targets(Protocol):
+    """The places of one round."""
+
+    def take(self, bound: FrontBound) -> tuple[Target, Any] | None:
+        """Return the next target and its place, which is closed meanwhile; None if none is left."""
+
+    def judge(self, place: Any, facts: Facts, has_learned: bool) -> None:
+        """Open a place again where another attempt may prove more."""
+
+
+class CellTargets:
+    """Cells of the range of E[S], each for the numbers of moving robots that bound it there."""
+
+    def __init__(self, known: Known, n_cells: int, effort: int, *, stairs: bool) -> None:
+        self._known, self._n_cells, self._effort = known, n_cells, effort
+        self._is_stairs, self._most_moving = stairs, MOST_SUMMED if stairs else known.robots
+        self._cells: OffsetArray = (known.survivors / known.robots * n_cells).astype(np.int64)
+        self._closed: set[tuple[int, int]] = set()  # cells, with numbers of moving robots
+
+    def take(self, bound: FrontBound) -> tuple[Target, tuple[int, int]] | None:
+        """Return a target in the cell with the widest gap: where it begins, or in the middle."""
+        known, bounds = self._known, bound.by_robots(self._known.survivors)
+        above = np.maximum(0.0, bounds.max(axis=0) - known.reached)
+        highest = bounds.argmax(axis=0)
+        masses = np.bincount(self._cells, above, self._n_cells)
+        for cell in np.argsort(-masses, kind="stable").tolist():
+            inside = np.flatnonzero((self._cells == cell) & (above > 0.0))
+            for moving in np.unique(highest[inside]).tolist():
+                if 0 < moving <= self._most_moving and (cell, moving) not in self._closed:
+                    self._closed.add((cell, moving))
+                    at = inside[highest[inside] == moving]
+                    survivors = float(known.survivors[at[len(at) // 2]])
+                    if self._is_stairs:
+                        survivors = cell / self._n_cells * known.robots
+                    x = survivors - (known.robots - moving)
+                    x = max(x, 0.0, moving * bound.min_survival)
+                    return Target(moving, x, effort=self._effort), (cell, moving)
+        return None
+
+    def judge(self, place: tuple[int, int], facts: Facts, has_learned: bool) -> None:
+        """Open a cell again where relaxed trails have learned something."""
+        if has_learned and facts.repeating:
+            self._closed.remove(place)
+
+
+class StepTargets:
+    """Steps behind known plans, each with the E[R] of the next one as its goal.
+
+    Where that is too hard, the goals of those just above and of all before it are raised, and in
+    the end their effort.
+    """
+
+    def __init__(self, known: Known, ground: Ground) -> None:
+        self._known, self._unit = known, ground.unit
+        self._robots = robots = known.robots
+        self._starts, ends, self._heights = known.steps()
+        moving = np.arange(robots + 1)[:, None]
+        least, most = robots - moving, robots - moving + moving * ground.most_survival
+        self._is_open: BoolArray = (ends > least) & (self._starts <= most)
+        self._is_open[:2] = False  # stairs of one robot need no goal
+        self._share = np.zeros(self._is_open.shape)
+        self._effort = np.ones(self._is_open.shape, np.int64)
+        self._first = np.searchsorted(known.survivors, self._starts)
+
+    def take(self, bound: FrontBound) -> tuple[Target, Any] | None:
+        """Return the step that would lower the bound the most for its effort."""
+        bounds = bound.by_robots(self._starts * (1 + _AFTER))
+        goals = self._heights + self._share * np.maximum(0.0, bounds - self._heights)
+        gains = self._gains(bound, self._is_open & (bounds > goals * (1 + _CLOSE)), goals)
+        at = moving, corner = tuple(int(i) for i in np.unravel_index(gains.argmax(), gains.shape))
+        if gains[at] <= 0.0:
+            return None
+        self._is_open[at] = False
+        x = max(0.0, float(self._starts[corner]) - (self._robots - moving))
+        effort = int(self._effort[at])
+        target = Target(moving, x, float(goals[at]) / self._unit, effort)
+        return target, (moving, corner, float(self._share[at]), effort)
+
+    def _gains(self, bound: FrontBound, is_worth: BoolArray, goals: FloatArray) -> FloatArray:
+        """Return by how much each step would lower the bound for its effort (as ``goals``)."""
+        bounds = bound.by_robots(self._known.survivors)
+        second, highest = np.partition(bounds, -2, axis=0)[-2:]
+        gains = np.zeros(goals.shape)
+        for moving in np.flatnonzero(is_worth.any(axis=1)).tolist():
+            own = bounds[moving]
+            others = np.where(own == highest, second, highest)
+            for corner in np.flatnonzero(is_worth[moving]).tolist():
+                tail = slice(int(self._first[corner]), None)
+                left = np.maximum(goals[moving, corner], others[tail])
+                gains[moving, corner] = np.maximum(0.0, own[tail] - left).sum()
+        scaled: FloatArray = gains / self._effort
+        return scaled
+
+    def judge(self, place: Any, facts: Facts, has_learned: bool) -> None:  # noqa: ARG002
+        """Raise goals or efforts of steps that are too hard; leave a step closed if proved."""
+        moving, corner, share, effort = place
+        self._is_open[moving, corner] = not facts.is_proved or share > 0.0
+        # Where fewer survivors are needed, there are more trails to search.
+        near = self._starts - self._starts[corner] < _NEAR * self._robots
+        near &= (self._share[moving] == share) & (self._effort[moving] == effort)
+        if facts.is_proved:
+            near &= np.arange(len(near)) == corner
+        if facts.is_proved or share >= _EASIEST:
+            self._share[moving, near] = 0.0
+            self._effort[moving, near] *= _MORE
+        else:
+            self._share[moving, near] += _EASIER
+        self._is_open[moving] &= self._effort[moving] <= _MOST_EFFORT
+
+
+class Attempts:
+    """Attempts of one kind: rounds of targets, each with more places or effort than the last."""
+
+    def __init__(self, prover: Prover, rounds: Iterable[Targets], cost: float) -> None:
+        self.prover, self._rounds, self.cost = prover, iter(rounds), cost
+        self._targets: Targets | None = next(self._rounds, None)
+
+    def take(self, bound: FrontBound, n_most: int) -> list[tuple[Target, Any, Targets]]:
+        """Return up to ``n_most`` targets with their places; none where all were tried."""
+        found: list[tuple[Target, Any, Targets]] = []
+        while self._targets is not None and len(found) < n_most:
+            taken = self._targets.take(bound)
+            if taken is not None:
+                found.append((*taken, self._targets))
+            elif found:
+                break  # judging these may open others
+            else:
+                self._targets = next(self._rounds, None)
+        return found
+
+
+class Schedule:
+    """Attempts of all kinds in turns: of the kind that closed the gap the fastest the last time."""
+
+    def __init__(
+        self,
+        ground: Ground,
+        certificate: Certificate,
+        known: Known,
+        bound: Callable[[], FrontBound],
+        n_threads: int,
+    ) -> None:
+        self._ground, self._certificate, self._known = ground, certificate, known
+        self._bound, self._n_threads = bound, n_threads
+        efforts = [2**i for i in range(_MOST_ROUNDS)]
+        has_stairs = ground.most_survival >= LEAST_SURVIVAL
+        cells = (CellTargets(known, _CELLS * e, e, stairs=True) for e in efforts if has_stairs)
+        steps = [StepTargets(known, ground)] if has_stairs else []
+        self._kinds = [
+            *(
+                Attempts(
+                    LineProver(ground, relaxed=relaxed),
+                    [CellTargets(known, _CELLS, 1, stairs=False)],
+                    2.0,
+                )
+                for relaxed in (True, False)
+            ),
+            Attempts(StairsProver(ground), cells, 4.0),
+            Attempts(TeamProver(ground), steps, 1.0),
+        ]
+
+    def run(self, gap: float, callback: Callable[[FrontBound], Any] | None) -> None:
+        """Prove until the gap is as small as wanted, nothing is left to try, or time is over."""
+
+        def look() -> tuple[FrontBound, float]:
+            bound = self._bound()
+            if callback is not None:
+                callback(bound)
+            return bound, self._known.gap(bound)
+
+        speeds = dict.fromkeys(self._kinds, math.inf)
+        with self._threads() as attempt_all:
+            bound, now = look()
+            while speeds and now > gap and not self._ground.deadline.is_over():
+                kind, cost, before = max(speeds, key=speeds.__getitem__), 0.0, now
+                while cost < _TURN and now > gap and not self._ground.deadline.is_over():
+                    taken = kind.take(bound, self._n_threads)
+                    if not taken:
+                        del speeds[kind]
+                        break
+                    cost += sum(kind.cost * target.effort for target, _, _ in taken)
+                    self._attempt(kind.prover, taken, attempt_all)
+                    bound, now = look()
+                speeds = {each: _AGES * speed for each, speed in speeds.items()}
+                if kind in speeds:
+                    closed = math.log((1.0 + _LEAST_CLOSED) * min(before, 1e300) / max(now, 1e-300))
+                    speeds[kind] = closed / cost
+
+    def _attempt(self, prover: Prover, taken: Any, attempt_all: Any) -> None:
+        """Attempt some targets, and add what they prove."""
+        found = attempt_all(prover.prove, [target for target, _, _ in taken])
+        has_learned = self._learn([trail for facts in found for trail in facts.repeating])
+        for (_, place, targets), facts in zip(taken, found, strict=True):
+            self._certificate.add(facts)
+            targets.judge(place, facts, has_learned)
+
+    def _learn(self, repeating: list[Any]) -> bool:
+        """Let relaxed trails remember what they repeat; return whether they remember more."""
+        if not repeating or not self._ground.relaxation.remember(repeating):
+            return False
+        self._ground.pool.drop_forbidden(self._ground.relaxation.allows)
+        return True
+
+    @contextmanager
+    def _threads(self) -> Iterator[Any]:
+        """Give a function that attempts several targets at once, and returns their facts."""
+
+        def attempt(prove: Any, targets: list[Target]) -> list[Facts]:
+            return list(each_of(lambda target: prove(target, self._certificate), targets))
+
+        each_of: Any = map
+        if self._n_threads == 1:
+            yield attempt
+            return
+        with ThreadPoolExecutor(self._n_threads) as pool:
+            each_of = pool.map
+            try:
+                yield attempt
+            except BaseException:
+                self._ground.deadline.end()
+                raise
