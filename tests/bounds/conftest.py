@@ -2,14 +2,14 @@
 
 import pytest
 
-from botohe_moo.bounds import proof, schedule
+from botohe_moo.bounds import proof, rounds
 
 
 @pytest.fixture
 def short_search(monkeypatch):
     """On missions of a few nodes, more evaluations and cells find the same plans and bounds."""
     monkeypatch.setattr(proof, "_EVALUATIONS", 8_000)
-    monkeypatch.setattr(schedule, "_MOST_CELLS", 96)
+    monkeypatch.setattr(rounds, "_MOST_ROUNDS", 3)
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from botohe_moo import Mission
 from botohe_moo.bounds import net as net_module
-from botohe_moo.bounds.kernels.relaxed import Rule, Worth, bound_excursions, follow, relax
+from botohe_moo.bounds.kernels.relaxed import Rule, Worth, follow, look_ahead
 from botohe_moo.bounds.kernels.states import find_states
 from botohe_moo.bounds.kernels.trails import Stairs, TrailRule, find_trails, new_depths
 from botohe_moo.bounds.net import RelaxedTrail, Remembered, arcs_by_ends, new_net, pieces_of
@@ -139,7 +139,7 @@ def values_by_dictionary(net, states, prices, mu, tables):
     return iterate(0, mu), heights
 
 
-def shortfall(net, states, prices, mu, cap, tables, values):
+def shortfall(net, states, mu, cap, tables, values):
     """The most by which a value of the base's piece falls short of the best of one step."""
     levels, most = np.arange(N_LEVELS + 1), 0.0
     for state in range(len(values)):
@@ -150,36 +150,34 @@ def shortfall(net, states, prices, mu, cap, tables, values):
             move = states.move[link]
             value = np.interp(tables.there[:, move], levels, values[states.to[link]])
             best = np.maximum(best, value + states.pays[link] * tables.paid[:, move])
-        most = max(most, (np.minimum(best, cap[node] + alive) - values[state]).max())
+        most = max(most, (np.minimum(best, cap + alive) - values[state]).max())
     return most
 
 
 def prepared(mission, memory, least=0.0):
     """The net, with the way to its largest piece joined or not, its memory and states."""
-    nearest, n_bits, joined = memory
+    n_bits, small, joined = memory
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(net_module, "_MOST_JOINED", joined)
+        patch.setattr(net_module, "_SMALL", small)
         net = new_net(mission.limited(least))
-    remembered = Remembered(net, nearest, n_bits, 100)
+        remembered = Remembered(net, n_bits)
     return net, remembered, find_states(net, remembered.pack(), 100_000)
 
 
-def look_ahead(net, states, prices, mus, tolerance=1e-13, cap=np.inf, enough=0.05):
-    """The tables and, for each mu, values and by how much they fall short, and the work."""
-    cap = np.broadcast_to(cap, (net.graph.n_nodes, N_LEVELS + 1)).copy()
-    tables = new_tables(net, states, N_LEVELS)
-    rule = Rule(tolerance, cap, 20 * net.graph.reward.sum() + max(mus), enough)
-    inside, n_inside = bound_excursions(net, states, prices, rule, tables)
-    found = []
-    for mu in mus:
-        values = np.zeros((states.begin[1], N_LEVELS + 1))
-        short, n = relax(net, states, Worth(prices, mu), rule, tables, values)
-        found.append((values, max(short, inside), n_inside + n))
-    return tables, found
+def ahead_under(net, states, prices, mus, tolerance=1e-13, cap=np.inf):
+    """The tables, the values for each mu, and by how much they fall short."""
+    tables, values = (
+        new_tables(net, states, N_LEVELS),
+        np.zeros((len(mus), states.begin[1], N_LEVELS + 1)),
+    )
+    rule = Rule(tolerance, cap, 20 * net.graph.reward.sum() + max(mus), 0.05)
+    short = look_ahead(net, states, prices, np.array(mus), rule, tables, values)
+    return tables, values, short
 
 
 dangerous = missions(survivals=st.sampled_from([0.5, 0.8, 0.9, 0.97]))
-memories = st.sampled_from([(0, 0, 0), (0, 0, 9), (1, 1, 0), (2, 4, 0), (2, 4, 9), (7, 9, 0)])
+memories = st.sampled_from([(0, 0, 0), (0, 0, 9), (1, 0, 0), (4, 3, 0), (4, 4, 9), (9, 9, 0)])
 
 
 @examples(60)
@@ -194,7 +192,7 @@ def test_what_lies_ahead_is_that_of_value_iteration(mission, memory, seed):
     assert len(states.move) == sum(n_options[arc] for arc, _ in links)
     inside = states.move < net.graph.n_arcs
     assert states.pays[inside].sum() == sum(pays for _, pays in links)
-    tables, [(values, short, n_looks)] = look_ahead(net, states, prices, [mu])
+    tables, [values], short = ahead_under(net, states, prices, [mu])
     start, heights = values_by_dictionary(net, twin, prices, mu, tables)
     assert values[0] == pytest.approx(start, rel=1e-9, abs=1e-9)
     for piece, expected in heights.items():
@@ -202,9 +200,7 @@ def test_what_lies_ahead_is_that_of_value_iteration(mission, memory, seed):
         found = prices[net.pieces.entry[piece]] + tables.values[rows]
         assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
     assert 0 <= short < 1e-9
-    assert n_looks >= states.first[states.begin[1]] + states.begin[1]
-    cap = np.full((net.graph.n_nodes, N_LEVELS + 1), np.inf)
-    assert shortfall(net, states, prices, mu, cap, tables, values) <= short + 1e-12
+    assert shortfall(net, states, mu, np.inf, tables, values) <= short + 1e-12
 
 
 @examples(60)
@@ -213,19 +209,23 @@ def test_how_far_values_fall_short_is_known(mission, memory, seed, tolerance):
     """With a wide tolerance and a cap, which both cut values."""
     net, _, states = prepared(mission, memory)
     prices, mu = drawn_prices(net, seed)
-    most = np.random.default_rng(seed).uniform(0.2, 2.0) * (prices[:, -1].max() + mu)
-    cap = np.tile(most * np.arange(N_LEVELS + 1) / N_LEVELS, (net.graph.n_nodes, 1))
-    tables, [(values, short, _)] = look_ahead(net, states, prices, [mu], tolerance, cap)
+    cap = np.random.default_rng(seed).uniform(0.2, 2.0) * (prices[:, -1].max() + mu)
+    tables, [values], short = ahead_under(net, states, prices, [mu], tolerance, cap)
     assert 0 <= short <= tolerance + 1e-9
-    assert (values <= cap[states.node[: len(values)]] + mu + 1e-12).all()
-    assert shortfall(net, states, prices, mu, cap, tables, values) <= short + 1e-12
+    levels = np.arange(N_LEVELS + 1)
+    assert (values <= cap + mu + 1e-12).all()
+    # Up to where all prices are straight lines, so are values, which are convex and 0 at 0.
+    bends = np.abs(np.diff(prices, 2)).max(axis=0) > 1e-12
+    straight = int(np.append(np.flatnonzero(bends), N_LEVELS - 1)[0]) + 1
+    falling = cap * np.minimum(1.0, levels / straight)
+    assert shortfall(net, states, mu, falling, tables, values) <= short + 1e-12
 
 
 def ahead_of(states, prices, mus, tables, found, beside):
     """Completions under the same prices and several prices of survival."""
     return [
         (Ahead(states, Worth(prices, mu), tables, values, 0.0, 0.0), beside)
-        for mu, (values, _, _) in zip(mus, found, strict=True)
+        for mu, values in zip(mus, found, strict=True)
     ]
 
 
@@ -240,10 +240,9 @@ def test_no_trail_is_worth_more_than_relaxed_ones_and_the_best_is_found(
     """
     net, _, states = prepared(mission, memory, floor)
     prices, mu = drawn_prices(net, seed)
-    cap = 2 * prices[:, -1].sum() + mu
-    tables, found = look_ahead(net, states, prices, [mu, 0.0], cap=cap)
-    values, short, _ = found[0]
-    assert short < np.inf
+    cap = prices[:, -1].sum()
+    tables, found, short = ahead_under(net, states, prices, [mu, 0.0], cap=cap)
+    values = found[0]
     spare = 2 * net.graph.n_arcs * (short + 1e-12)
     arcs = set(zip(net.graph.tail.tolist(), net.graph.head.tolist(), strict=True))
     every = twins.all_trails(mission)
@@ -289,8 +288,8 @@ def lines_ahead(net, states, prices, mus, seed):
     lower = prices * np.random.default_rng(seed).uniform(0.5, 1.0)
     lines = []
     for own in (prices, lower):
-        tables, found = look_ahead(net, states, own, mus)
-        assert all(short < 1e-9 for _, short, _ in found)
+        tables, found, short = ahead_under(net, states, own, mus)
+        assert short < 1e-9
         lines += ahead_of(states, own, mus, tables, found, (prices - own).max(axis=1))
     return completions(lines)
 
@@ -344,7 +343,7 @@ def test_stairs_are_above_all_trails(mission, memory, least, seed):
 def test_the_best_relaxed_trail_is_followed(mission, memory, seed, turn):
     net, remembered, states = prepared(mission, memory)
     prices, mu = drawn_prices(net, seed)
-    tables, [(values, _, _)] = look_ahead(net, states, prices, [mu])
+    tables, [values], _ = ahead_under(net, states, prices, [mu])
     arcs, paid = np.empty(300, np.int64), np.empty(300, np.int64)
     n, most = follow(net, states, Worth(prices, mu), tables, values, turn, arcs, paid)
     arcs, paid = arcs[:n], paid[:n] == 1
@@ -396,7 +395,7 @@ def test_what_relaxed_trails_forget_in_a_piece(arcs, paid, expected):
     net = new_net(Mission(graph, base=0, robots=1).world)
     numbers = arcs_by_ends(net.graph)
     trail = RelaxedTrail([numbers[pair] for pair in arcs], paid)
-    memory = Remembered(net, 0, 0, 100)
+    memory = Remembered(net, 0)
     bits = {
         node if what == "reward" else net.graph.n_nodes + numbers[node]: nodes
         for (what, node), nodes in expected.items()
@@ -409,7 +408,7 @@ def test_what_relaxed_trails_forget_in_a_piece(arcs, paid, expected):
 
 def test_too_many_states_are_none():
     net = new_net(_complete(5).world)
-    memory = Remembered(net, 4, 4, 100).pack()
+    memory = Remembered(net, 4).pack()  # all four rewards, which are few enough
     n = len(find_states(net, memory, 10_000).node)
     # At each node itself is remembered, and any of the other three; at the base any of the four.
     assert n == 4 * 2**3 + 2**4

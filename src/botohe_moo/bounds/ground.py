@@ -82,7 +82,9 @@ class Ground:
         spare = n_terms * _EPSILON * scale
         return Line(moving, self.base_reward + most + spare, mu, proof)
 
-    def lines(self, moving: int, prices: Prices, theta: float) -> list[PricedLine]:
+    def lines(
+        self, moving: int, prices: Prices, theta: float, proof: LineProof
+    ) -> list[PricedLine]:
         """Return the lines of prices at which no trail is worth more than ``theta``.
 
         The one for ``moving`` robots comes first, then others while there is time.
@@ -92,7 +94,7 @@ class Ground:
             if found and self.deadline.is_over():
                 break
             beside = float(self.team(n_robots).most(prices.visits).sum())
-            line = self._line(n_robots, beside + n_robots * theta, prices.mu, "relaxed")
+            line = self._line(n_robots, beside + n_robots * theta, prices.mu, proof)
             found.append(PricedLine(line, prices))
         return found
 

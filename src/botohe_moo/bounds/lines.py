@@ -76,14 +76,14 @@ class LineProver:
 
     def __init__(self, ground: Ground, *, relaxed: bool) -> None:
         self._ground, self._relaxed = ground, relaxed
-        # For each number of robots, the rows that made up the last solution: with them the next
+        # For each number of robots, the rows that the last solution just kept: with them the next
         # programme is nearly solved.
-        self._active: dict[int, list[Hashable]] = {}
+        self._tight: dict[int, list[Hashable]] = {}
 
     def prove(self, target: Target, certificate: Certificate) -> Facts:
         """Prove lines for a target, stepping from the best prices to those of the programme."""
         ground, moving, x = self._ground, target.moving, target.x
-        pool, tidy, started = ground.pool, ground.team(moving).tidy, self._active.get(moving, [])
+        pool, tidy, started = ground.pool, ground.team(moving).tidy, self._tight.get(moving, [])
         programme = LinesProgramme(ground, target, started, relaxed=self._relaxed)
         # A search is the likeliest to end at the best prices so far.
         best, step = ground.lowest(certificate, moving, x), 1.0 if self._relaxed else 0.0
@@ -100,7 +100,7 @@ class LineProver:
             if priced is None:
                 break
             most, new = priced
-            lines = ground.lines(moving, prices, most)
+            lines = ground.lines(moving, prices, most, "relaxed" if self._relaxed else "exact")
             found += lines
             reached = lines[0].line.most - prices.mu * x
             if reached < value:
@@ -109,8 +109,9 @@ class LineProver:
             if not is_new and step == 1.0:
                 break
             step = _SMOOTHING if is_new or step == 0.0 else 1.0
-        self._active[moving] = active = programme.active()
-        numbers = [name[1] for name in cast("list[tuple[str, int]]", active) if name[0] == "trail"]
+        self._tight[moving] = programme.tight()
+        used = cast("list[tuple[str, int]]", programme.used())
+        numbers = [number for kind, number, *_ in used if kind == "trail"]
         repeating = [trail for i in numbers if (trail := pool.relaxed(i)) is not None]
         return Facts(lines=tuple(found), repeating=tuple(repeating))
 

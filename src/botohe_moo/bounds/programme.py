@@ -48,6 +48,7 @@ class Programme:
         self._lp.addVars(len(cost), np.zeros(len(cost)), self._upper)
         self._lp.changeColsCost(len(cost), np.arange(len(cost), dtype=np.int32), cost)
         self.rows: list[Hashable] = []  # what each row is known by
+        self._least: list[float] = []
         for node in range(n_nodes):
             self._shape_prices(node)
         self._solution = np.zeros(len(cost))
@@ -73,6 +74,7 @@ class Programme:
         indices = np.array(columns, np.int32)
         self._lp.addRow(least, self._inf, len(columns), indices, np.array(weights))
         self.rows.append(name)
+        self._least.append(least)
 
     def add_configuration(self, node: int, number: int) -> None:
         """Add what a node gives beside prices to a team in one of its configurations."""
@@ -116,10 +118,18 @@ class Programme:
                 n += 1
         return n
 
-    def active(self) -> list[Hashable]:
+    def tight(self) -> list[Hashable]:
+        """Return the names of rows that the last solution just keeps: without them it changes."""
+        value = np.array(self._lp.getSolution().row_value)
+        if len(value) != len(self.rows):  # no solution
+            return []
+        is_tight = value <= np.array(self._least) + CUT
+        return [name for name, kept in zip(self.rows, is_tight, strict=True) if kept and name]
+
+    def used(self) -> list[Hashable]:
         """Return the names of rows that make up the last solution, the most used first."""
         duals = np.array(self._lp.getSolution().row_dual)
         if len(duals) != len(self.rows):  # no solution
             return []
         order = np.argsort(-duals, kind="stable").tolist()
-        return [self.rows[i] for i in order if duals[i] > CUT and self.rows[i] is not None]
+        return [name for i in order if duals[i] > CUT and (name := self.rows[i])]
