@@ -28,6 +28,8 @@ from botohe_moo.plots import plot_front
 RESULTS = Path(__file__).parents[1] / "results"
 # Nodes of tunnels, and the gaps that are wanted after some seconds, in per cent.
 TUNNELS, TUNNEL_SEEDS = ((45, {60: 1.5, 300: 0.8}), (75, {60: 2.5, 300: 1.2})), (1, 2, 3)
+# Maps that are nearly trees: their nodes, and the gaps that are wanted after some seconds.
+MAPS, MAP_SEEDS = (("rooms", 80, {300: 2.0}), ("mine", 45, {60: math.inf})), (0, 1, 2)
 # Mission, and seconds with the gap that is wanted then, in per cent; inf where none is.
 CASES: tuple[tuple[str, dict[int, float]], ...] = (
     ("terrain_200", {600: 4.0}),
@@ -40,6 +42,11 @@ CASES: tuple[tuple[str, dict[int, float]], ...] = (
         (f"tunnel, {n} nodes, seed {seed}", wanted)
         for n, wanted in TUNNELS
         for seed in TUNNEL_SEEDS
+    ),
+    *(
+        (f"{family}, {n} nodes, seed {seed}", wanted)
+        for family, n, wanted in MAPS
+        for seed in MAP_SEEDS
     ),
     ("lattice, 5 x 13", {60: math.inf}),
     ("town of one-way streets, 8 x 8", {60: math.inf}),
@@ -88,12 +95,13 @@ def _bounded(
 
 
 def _mission(name: str) -> Mission:
-    drawn = {
-        f"tunnel, {nodes} nodes, seed {seed}": partial(
-            load_mission, "tunnel", nodes=nodes, seed=seed
+    families = [("tunnel", nodes, seed) for nodes, _ in TUNNELS for seed in TUNNEL_SEEDS]
+    families += [(family, nodes, seed) for family, nodes, _ in MAPS for seed in MAP_SEEDS]
+    drawn: dict[str, Callable[[], Mission]] = {
+        f"{family}, {nodes} nodes, seed {seed}": partial(
+            load_mission, family, nodes=nodes, seed=seed
         )
-        for nodes, _ in TUNNELS
-        for seed in TUNNEL_SEEDS
+        for family, nodes, seed in families
     }
     drawn |= {
         "lattice, 5 x 13": lambda: drawn_on(nx.grid_2d_graph(5, 13), 71),

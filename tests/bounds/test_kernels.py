@@ -156,10 +156,10 @@ def shortfall(net, states, mu, cap, tables, values):
 
 def prepared(mission, memory, least=0.0):
     """The net, with the way to its largest piece joined or not, its memory and states."""
-    n_bits, small, joined = memory
+    n_bits, nearest, joined = memory
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(net_module, "_MOST_JOINED", joined)
-        patch.setattr(net_module, "_SMALL", small)
+        patch.setattr(net_module, "_NEAREST", nearest)
         net = new_net(mission.limited(least))
         remembered = Remembered(net, n_bits)
     return net, remembered, find_states(net, remembered.pack(), 100_000)

@@ -191,8 +191,8 @@ def test_no_team_of_all_trails_exceeds_a_step(monkeypatch, seeds):
             continue
         leaving = [trail for trail in every if len(trail) > 1]
         trails = twins.within(mission, leaving, limits.floors[0], limits.budgets[0])
-        n_bits, small = [(14, 8), (0, 0), (2, 2)][seed % 3]
-        monkeypatch.setattr(net_module, "_SMALL", small)
+        n_bits, nearest = [(14, 8), (0, 0), (2, 2)][seed % 3]
+        monkeypatch.setattr(net_module, "_NEAREST", nearest)
         proof, n_levels = new_proof(mission, **given), int(rng.integers(1, 7))
         coarse = int(rng.integers(2, 12)), int(rng.integers(1, 20))
         for moving, sizes in product(

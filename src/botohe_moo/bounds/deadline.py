@@ -4,16 +4,24 @@ from __future__ import annotations
 
 from botohe_moo.core.compile import own_time
 
-_MOVES_A_SECOND = 1e7  # of a search, on a usual processor
+SECONDS_A_MOVE = 9e-8  # of a search, on a usual processor
 
 
 class Deadline:
-    """The end of so many seconds, in which compiling does not count."""
+    """The end of so many seconds, in which compiling does not count.
+
+    Attributes
+    ----------
+    work
+        Seconds that a usual processor takes for what was done, as far as it was counted: what is
+        done next depends on it, and so not on the speed of a machine.
+    """
 
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
         self._began = own_time()
         self._is_over = False
+        self.work = 0.0
 
     @property
     def elapsed(self) -> float:
@@ -27,7 +35,7 @@ class Deadline:
 
     def most_moves(self, n_most: int) -> int:
         """Return how many moves a search can make until the end, at most ``n_most``."""
-        return int(min(n_most, _MOVES_A_SECOND * self.left))
+        return int(min(n_most, self.left / SECONDS_A_MOVE))
 
     def end(self) -> None:
         """Let the time be over."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from botohe_moo.base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.bounds.kernels.states import NEVER, NONE, ROUNDING, Memory, Net, Pieces
+from botohe_moo.core.paths import find_near
 from botohe_moo.core.world import Graph, World, cheapest_ways, new_limits, new_world
 
 MOST_SLOPES = 16  # of the hull of a piece's excursions
@@ -184,7 +185,7 @@ def _arrives(world: World) -> BoolArray:
     return arrives
 
 
-_SMALL = 8  # bits of a piece that all its nodes remember
+_NEAREST, _COMPARED = 8, 24  # bits that nodes remember at first, of so many nodes near by
 
 
 class RelaxedTrail(NamedTuple):
@@ -195,7 +196,7 @@ class RelaxedTrail(NamedTuple):
 
 
 class Remembered:
-    """The bits that each node remembers: first its own, of which there are ``n_bits`` at most.
+    """The bits that each node remembers: first its own, and some of near ones, ``n_bits`` at most.
 
     Bits are rewards and arcs of the node's own piece, of which an arc into another piece stands for
     the excursion.
@@ -206,21 +207,16 @@ class Remembered:
         self.net = net
         # A reward is paid where a trail enters a piece, and not again.
         pays = np.setdiff1d(np.flatnonzero(graph.reward > 0.0), pieces.entry)
-        self.bits: list[list[int]] = [[] for _ in range(graph.n_nodes)]
-        for bit, node in zip(
-            [*pays.tolist(), *(graph.n_nodes + pieces.arc[1:]).tolist()],
-            [*pays.tolist(), *pieces.gate[1:].tolist()],
-            strict=True,
-        ):
-            self.bits[node].append(bit)
-        n_pieces = len(pieces.entry)
-        within: list[list[int]] = [[] for _ in range(n_pieces)]
-        for node, bits in enumerate(self.bits):
-            within[pieces.of[node]] += bits
-        for node, piece in enumerate(pieces.of.tolist()):
-            if len(within[piece]) <= _SMALL:
-                self.bits[node] = within[piece]
-        self.bits = [bits[:n_bits] for bits in self.bits]
+        own: list[list[int]] = [[node] if node in pays else [] for node in range(graph.n_nodes)]
+        for arc, gate in zip(pieces.arc[1:].tolist(), pieces.gate[1:].tolist(), strict=True):
+            own[gate].append(graph.n_nodes + arc)
+        near = find_near(net.world, min(_COMPARED, graph.n_nodes - 1)).nodes
+        self.bits: list[list[int]] = []
+        for node, others in enumerate(near.tolist()):
+            within = [other for other in others if pieces.of[other] == pieces.of[node]]
+            around = [bit for other in within if other != node for bit in own[other]]
+            n_more = max(0, _NEAREST - len(own[node]))
+            self.bits.append([*own[node], *dict.fromkeys(around[:n_more])][:n_bits])
 
     def add(self, wanted: Sequence[tuple[int, Sequence[int]]], n_bits: int) -> bool:
         """Add each bit whose nodes all have room for it; return whether any is new."""

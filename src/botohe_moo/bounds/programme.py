@@ -13,6 +13,8 @@ from botohe_moo.bounds.prices import PricedTeam, Visits
 
 CUT = 1e-7  # by how much a row has to be violated to be added
 _LEAST_SECONDS = 0.01  # that HiGHS gets
+# What HiGHS takes, for each row of the programme, and for each row in an iteration.
+_SECONDS_A_ROW, _SECONDS_AN_ITERATION = 1e-6, 1.5e-8
 _DEVEX = 1  # how HiGHS weighs rows: other weights take long to compute for rows that were added
 
 
@@ -98,6 +100,9 @@ class Programme:
         self._lp.setOptionValue("time_limit", self._lp.getRunTime() + left)
         self._lp.run()
         value = float(self._lp.getObjectiveValue())
+        n_iterations = max(0, self._lp.getInfo().simplex_iteration_count)
+        seconds = _SECONDS_A_ROW + n_iterations * _SECONDS_AN_ITERATION
+        self._deadline.work += len(self.rows) * seconds
         found = np.array(self._lp.getSolution().col_value)
         if found.shape == self._solution.shape and np.isfinite(found).all():
             self._solution = np.clip(found, 0.0, self._upper)

@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from botohe_moo.base.types import FloatArray, OffsetArray
-from botohe_moo.bounds.deadline import Deadline
+from botohe_moo.bounds.deadline import SECONDS_A_MOVE, Deadline
 from botohe_moo.bounds.kernels.relaxed import (
     Rule,
     Tables,
@@ -30,6 +30,7 @@ from botohe_moo.bounds.net import MOST_SLOPES, RelaxedTrail, Remembered
 _SLACK = 1e-9  # in shares of all reward: stairs are raised by as much more, to skip equal trails
 _EPSILON = float(np.finfo(float).eps)
 _TOLERANCE = 1e-9  # in shares of all reward: values are raised only where they rise by more
+_SECONDS_A_VALUE = 8e-8  # that lies ahead
 _MOST_TRAIL = 400  # links of a relaxed trail that are looked at
 # Steps at which a relaxed trail takes the second best link, to find others; −1 for none.
 _TURNS = (-1, 0, 1, 2, 4, 7, 11)
@@ -109,6 +110,7 @@ class Relaxation:
         tables = new_tables(net, states, prices.shape[1] - 1)
         values = np.zeros((len(mus), int(states.begin[1]), prices.shape[1]))
         short = look_ahead(net, states, prices, np.array(mus), rule, tables, values)
+        self._deadline.work += _SECONDS_A_VALUE * (values.size + tables.values.size)
         return [
             self._ahead(states, Worth(prices, mu), tables, own, short)
             for mu, own in zip(mus, values, strict=True)
@@ -197,6 +199,7 @@ class Relaxation:
             states, ahead = lines[0][0].states, completions(lines)
             within = rule._replace(n_most=n_most)
             n = find_trails(self.net, states, worth, ahead, stairs, within, depths)
+            self._deadline.work += SECONDS_A_MOVE * abs(n)
             if -n > n_most and n_most < rule.n_most:
                 self._deadline.end()
             n_found = min(int(depths.found.n_trails), len(depths.n_arcs))

@@ -23,7 +23,7 @@ from botohe_moo.bounds.teams import LEAST_SURVIVAL, TeamProver
 
 _CELLS = 24  # of the range of E[S] in the first round, and twice as many in each further one
 _MOST_ROUNDS = 5
-_TURN = 30.0  # what is attempted in one turn, in steps of the least effort
+_TURN = 0.04  # of the time, in which one kind is attempted
 # A turn counts as if it closed at least this share of the gap, and the speed of kinds that wait
 # grows by this factor in each turn.
 _LEAST_CLOSED, _AGES = 1e-3, 1.2
@@ -190,8 +190,8 @@ class StepTargets:
 class Attempts:
     """Attempts of one kind: rounds of targets, each with more places or effort than the last."""
 
-    def __init__(self, prover: Prover, rounds: Iterable[Targets], cost: float) -> None:
-        self.prover, self._rounds, self.cost = prover, iter(rounds), cost
+    def __init__(self, prover: Prover, rounds: Iterable[Targets]) -> None:
+        self.prover, self._rounds = prover, iter(rounds)
         self._targets: Targets | None = next(self._rounds, None)
 
     def take(self, bound: FrontBound, n_most: int) -> list[tuple[Target, Any, Targets]]:
@@ -230,12 +230,11 @@ class Schedule:
                 Attempts(
                     LineProver(ground, relaxed=relaxed),
                     [CellTargets(known, _CELLS, 1, stairs=False)],
-                    2.0,
                 )
                 for relaxed in (True, False)
             ),
-            Attempts(StairsProver(ground), cells, 4.0),
-            Attempts(TeamProver(ground), steps, 1.0),
+            Attempts(StairsProver(ground), cells),
+            Attempts(TeamProver(ground), steps),
         ]
 
     def run(self, gap: float, callback: Callable[[FrontBound], Any] | None) -> None:
@@ -247,23 +246,23 @@ class Schedule:
                 callback(bound)
             return bound, self._known.gap(bound)
 
-        speeds = dict.fromkeys(self._kinds, math.inf)
+        speeds, deadline = dict.fromkeys(self._kinds, math.inf), self._ground.deadline
         with self._threads() as attempt_all:
             bound, now = look()
-            while speeds and now > gap and not self._ground.deadline.is_over():
-                kind, cost, before = max(speeds, key=speeds.__getitem__), 0.0, now
-                while cost < _TURN and now > gap and not self._ground.deadline.is_over():
+            while speeds and now > gap and not deadline.is_over():
+                kind, before, began = max(speeds, key=speeds.__getitem__), now, deadline.work
+                end = began + _TURN * deadline.seconds
+                while deadline.work < end and now > gap and not deadline.is_over():
                     taken = kind.take(bound, self._n_threads)
                     if not taken:
                         del speeds[kind]
                         break
-                    cost += sum(kind.cost * target.effort for target, _, _ in taken)
                     self._attempt(kind.prover, taken, attempt_all)
                     bound, now = look()
                 speeds = {each: _AGES * speed for each, speed in speeds.items()}
                 if kind in speeds:
                     closed = math.log((1.0 + _LEAST_CLOSED) * min(before, 1e300) / max(now, 1e-300))
-                    speeds[kind] = closed / cost
+                    speeds[kind] = closed / max(deadline.work - began, 1e-9)
 
     def _attempt(self, prover: Prover, taken: Any, attempt_all: Any) -> None:
         """Attempt some targets, and add what they prove."""
