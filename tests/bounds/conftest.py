@@ -2,14 +2,14 @@
 
 import pytest
 
-from botohe_moo.bounds import proof, rounds
+from botohe_moo.bounds import proof, schedule
 
 
 @pytest.fixture
 def short_search(monkeypatch):
     """On missions of a few nodes, more evaluations and cells find the same plans and bounds."""
     monkeypatch.setattr(proof, "_EVALUATIONS", 8_000)
-    monkeypatch.setattr(rounds, "_MOST_ROUNDS", 3)
+    monkeypatch.setattr(schedule, "_MOST_ROUNDS", 3)
 
 
 @pytest.fixture

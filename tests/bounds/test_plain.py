@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given
 
 from botohe_moo import Kind, Mission, bound_front, load_mission
-from botohe_moo.bounds import proof, rounds
+from botohe_moo.bounds import proof, schedule
 from botohe_moo.bounds.bound import relaxed_to_plain
 from botohe_moo.bounds.proof import NOTE, Proof
 from botohe_moo.trails import TrailPlan
@@ -157,7 +157,7 @@ def test_no_plan_lies_above(true_front, drawn):
         if not true_front:  # as if the mission were large
             patch.setattr(Proof, "find_front", lambda _: False)
             patch.setattr(proof, "_EVALUATIONS", 1_000)
-            patch.setattr(rounds, "_MOST_ROUNDS", 1)
+            patch.setattr(schedule, "_MOST_ROUNDS", 1)
         bound = bound_front(mission, time_limit=60)
     bound.check("front", all_objectives(mission, trails))
 

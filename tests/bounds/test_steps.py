@@ -30,7 +30,7 @@ from botohe_moo.bounds.front_bound import (
 from botohe_moo.bounds.ground import N_STEPS, Target
 from botohe_moo.bounds.lines import LineProver, LinesProgramme
 from botohe_moo.bounds.proof import Proof
-from botohe_moo.bounds.rounds import CellTargets, Known, StepTargets
+from botohe_moo.bounds.schedule import CellTargets, Known, StepTargets
 from botohe_moo.bounds.stairs import StairsProgramme, StairsProver
 from botohe_moo.bounds.teams import TeamProver
 from tests import twins

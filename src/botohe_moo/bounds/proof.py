@@ -17,7 +17,7 @@ from botohe_moo.bounds.ground import Ground
 from botohe_moo.bounds.net import MOST_SLOPES, arcs_by_ends, new_net
 from botohe_moo.bounds.prices import Pool, most_levels
 from botohe_moo.bounds.relaxation import LEVELS, MOST_BITS, Relaxation
-from botohe_moo.bounds.rounds import Known, Schedule
+from botohe_moo.bounds.schedule import Known, Schedule
 from botohe_moo.core.world import CHECKING, World
 from botohe_moo.mission.model import Mission
 

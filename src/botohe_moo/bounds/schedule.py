@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from typing import Any, Protocol
 
 import numpy as np
@@ -225,14 +224,10 @@ class Schedule:
         has_stairs = ground.most_survival >= LEAST_SURVIVAL
         cells = (CellTargets(known, _CELLS * e, e, stairs=True) for e in efforts if has_stairs)
         steps = [StepTargets(known, ground)] if has_stairs else []
+        lines = [CellTargets(known, _CELLS, 1, stairs=False) for _ in range(2)]
         self._kinds = [
-            *(
-                Attempts(
-                    LineProver(ground, relaxed=relaxed),
-                    [CellTargets(known, _CELLS, 1, stairs=False)],
-                )
-                for relaxed in (True, False)
-            ),
+            Attempts(LineProver(ground, relaxed=True), lines[:1]),
+            Attempts(LineProver(ground, relaxed=False), lines[1:]),
             Attempts(StairsProver(ground), cells),
             Attempts(TeamProver(ground), steps),
         ]
@@ -247,53 +242,36 @@ class Schedule:
             return bound, self._known.gap(bound)
 
         speeds, deadline = dict.fromkeys(self._kinds, math.inf), self._ground.deadline
-        with self._threads() as attempt_all:
-            bound, now = look()
-            while speeds and now > gap and not deadline.is_over():
-                kind, before, began = max(speeds, key=speeds.__getitem__), now, deadline.work
-                end = began + _TURN * deadline.seconds
-                while deadline.work < end and now > gap and not deadline.is_over():
-                    taken = kind.take(bound, self._n_threads)
-                    if not taken:
-                        del speeds[kind]
-                        break
-                    self._attempt(kind.prover, taken, attempt_all)
-                    bound, now = look()
-                speeds = {each: _AGES * speed for each, speed in speeds.items()}
-                if kind in speeds:
-                    closed = math.log((1.0 + _LEAST_CLOSED) * min(before, 1e300) / max(now, 1e-300))
-                    speeds[kind] = closed / max(deadline.work - began, 1e-9)
-
-    def _attempt(self, prover: Prover, taken: Any, attempt_all: Any) -> None:
-        """Attempt some targets, and add what they prove."""
-        found = attempt_all(prover.prove, [target for target, _, _ in taken])
-        has_learned = self._learn([trail for facts in found for trail in facts.repeating])
-        for (_, place, targets), facts in zip(taken, found, strict=True):
-            self._certificate.add(facts)
-            targets.judge(place, facts, has_learned)
-
-    def _learn(self, repeating: list[Any]) -> bool:
-        """Let relaxed trails remember what they repeat; return whether they remember more."""
-        if not repeating or not self._ground.relaxation.remember(repeating):
-            return False
-        self._ground.pool.drop_forbidden(self._ground.relaxation.allows)
-        return True
-
-    @contextmanager
-    def _threads(self) -> Iterator[Any]:
-        """Give a function that attempts several targets at once, and returns their facts."""
-
-        def attempt(prove: Any, targets: list[Target]) -> list[Facts]:
-            return list(each_of(lambda target: prove(target, self._certificate), targets))
-
-        each_of: Any = map
-        if self._n_threads == 1:
-            yield attempt
-            return
-        with ThreadPoolExecutor(self._n_threads) as pool:
-            each_of = pool.map
+        with ThreadPoolExecutor(self._n_threads) as threads:
             try:
-                yield attempt
+                bound, now = look()
+                while speeds and now > gap and not deadline.is_over():
+                    kind, before, began = max(speeds, key=speeds.__getitem__), now, deadline.work
+                    end = began + _TURN * deadline.seconds
+                    while deadline.work < end and now > gap and not deadline.is_over():
+                        taken = kind.take(bound, self._n_threads)
+                        if not taken:
+                            del speeds[kind]
+                            break
+                        self._attempt(kind.prover, taken, threads)
+                        bound, now = look()
+                    speeds = {each: _AGES * speed for each, speed in speeds.items()}
+                    if kind in speeds:
+                        closed = (1.0 + _LEAST_CLOSED) * min(before, 1e300) / max(now, 1e-300)
+                        speeds[kind] = math.log(closed) / max(deadline.work - began, 1e-9)
             except BaseException:
-                self._ground.deadline.end()
+                deadline.end()  # for the other threads
                 raise
+
+    def _attempt(self, prover: Prover, taken: Any, threads: ThreadPoolExecutor) -> None:
+        """Attempt some targets side by side, add what they prove, and learn."""
+        ground, certificate = self._ground, self._certificate
+        targets = [target for target, _, _ in taken]
+        found = list(threads.map(lambda each: prover.prove(each, certificate), targets))
+        repeating = [trail for facts in found for trail in facts.repeating]
+        has_learned = bool(repeating) and ground.relaxation.remember(repeating)
+        if has_learned:
+            ground.pool.drop_forbidden(ground.relaxation.allows)
+        for (_, place, judging), facts in zip(taken, found, strict=True):
+            certificate.add(facts)
+            judging.judge(place, facts, has_learned)
