@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from botohe_moo import Mission, load_mission
 from botohe_moo.bounds import certificate as certificate_module
 from botohe_moo.bounds import ground as ground_module
+from botohe_moo.bounds import lines as lines_module
 from botohe_moo.bounds import net as net_module
 from botohe_moo.bounds import stairs as module
 from botohe_moo.bounds import teams as teams_module
@@ -224,24 +225,32 @@ def test_no_team_of_all_trails_exceeds_a_step(monkeypatch, seeds):
     assert n_tight > 0.7 * n_steps
 
 
-def test_a_programme_that_starts_with_the_rows_of_the_last_one_has_the_same_value():
+def test_a_programme_without_rows_that_have_no_effect_has_the_same_value(monkeypatch):
+    """Elsewhere, some of these rows have to come back."""
     proof = new_proof(load_mission("art_museum"))
     proof._prepare()
-    ground, at = proof.ground, Target(2, 0.8)
-    first = LinesProgramme(ground, at, [], relaxed=True)
-    value, _, _ = first.solve(ground.pool)
-    active = first.tight()
-    assert {*first.used()} <= {*active}
-    assert {name[0] for name in active} == {"gains", "trail"}
-    again = LinesProgramme(ground, at, active, relaxed=True)
+    ground, values = proof.ground, {}
+    for x in (0.8, 0.3):
+        programme = LinesProgramme(ground, 2, relaxed=True)
+        programme.aim(x)
+        values[x], _, _ = programme.solve(ground.pool)
+    assert programme.renewed(ground) is programme
+    assert {name[0] for name in programme.tight()} == {"gains", "trail"}
+    assert {*programme.used()} <= {*programme.tight()}
+    monkeypatch.setattr(lines_module, "_MOST_ROWS", 0)
+    again = programme.renewed(ground)
     n_rows = len(again.rows)
-    assert again.solve(ground.pool)[0] == pytest.approx(value, rel=1e-9)
-    assert len(again.rows) - n_rows < len(active)  # few had to be added
-    # Elsewhere others have to be added.
-    elsewhere = Target(2, 0.3)
-    fresh = LinesProgramme(ground, elsewhere, [], relaxed=True).solve(ground.pool)[0]
-    started = LinesProgramme(ground, elsewhere, active, relaxed=True).solve(ground.pool)[0]
-    assert started == pytest.approx(fresh, rel=1e-9)
+    assert n_rows < len(programme.rows)
+    for x, most_new in ((0.3, n_rows / 10), (0.8, np.inf)):
+        again.aim(x)
+        assert again.solve(ground.pool)[0] == pytest.approx(values[x], rel=1e-9)
+        assert len(again.rows) - n_rows < most_new
+    # Nor has it rows of relaxed trails that are forbidden.
+    dropped = next(number for kind, number, _ in filter(None, again.rows) if kind == "trail")
+    monkeypatch.setattr(lines_module, "_MOST_ROWS", 9)
+    assert again.renewed(ground) is again
+    ground.pool._is_dropped[dropped], ground.pool._trails = True, None
+    assert ("trail", dropped, 0) not in again.renewed(ground).rows
 
 
 @pytest.mark.slow

@@ -10,7 +10,6 @@ trails sets the prices, and relaxed trails bound θ and join it.
 
 from __future__ import annotations
 
-from collections.abc import Hashable
 from typing import cast
 
 import numpy as np
@@ -25,32 +24,45 @@ _MOST_PRICES = 60  # that are tried at one place
 _SMOOTHING = 0.5  # how far prices go from the best known ones to those of the linear programme
 _NEW = 1e-6  # by how much a new trail has to be worth more than the known ones
 _MOST_MOVES = 1_000_000  # of a search
+_MOST_ROWS = 3  # times as many rows as columns
 _CUTS_AT_ONCE = 8  # trails that are added before the programme is solved again
 _MOST_MU = 20.0  # the highest price of survival, in total rewards: it keeps the programme bounded
 
 
 class LinesProgramme(Programme):
-    """The linear programme for the prices with the least bound at ``x``.
+    """The linear programme for the prices with the least bound at some x.
 
     It minimises Σ c + j · θ − x · mu, where c is the most that a node gives beside prices, θ the
     most that a known trail is worth, and mu the price of survival.
     """
 
-    def __init__(
-        self, ground: Ground, target: Target, started: list[Hashable], *, relaxed: bool
-    ) -> None:
-        team = ground.team(target.moving)
-        cost = np.array([team.n_robots, -target.x])
+    def __init__(self, ground: Ground, moving: int, *, relaxed: bool) -> None:
         upper = np.array([np.inf, _MOST_MU * ground.relaxation.total])
-        super().__init__(team, cost, upper, ground.deadline)
+        super().__init__(ground.team(moving), np.array([moving, 0.0]), upper, ground.deadline)
         self._relaxed = relaxed  # whether relaxed trails count
         self._theta, self._mu = self.first_other, self.first_other + 1
-        trails = ground.pool.trails()
-        for name in cast("list[tuple[str, int, int]]", started):
-            if name[0] == "gains":
-                self.add_configuration(*name[1:])
-            elif not trails.is_dropped[name[1]]:
-                self._add(name[1], ground.pool)
+
+    def renewed(self, ground: Ground) -> LinesProgramme:
+        """Return the programme, or one with the tight rows alone if it has too many or wrong ones.
+
+        Rows of relaxed trails are wrong that are forbidden by now.
+        """
+        is_dropped = ground.pool.trails().is_dropped
+        names = cast("list[tuple[str, int, int]]", [name for name in self.rows if name])
+        is_wrong = any(kind == "trail" and is_dropped[number] for kind, number, _ in names)
+        if not is_wrong and len(self.rows) < _MOST_ROWS * len(self._upper):
+            return self
+        new = LinesProgramme(ground, self.team.n_robots, relaxed=self._relaxed)
+        for kind, *name in cast("list[tuple[str, int, int]]", self.tight()):
+            if kind == "gains":
+                new.add_configuration(*name)
+            elif not is_dropped[name[0]]:
+                new._add(name[0], ground.pool)
+        return new
+
+    def aim(self, x: float) -> None:
+        """Look for the least bound at ``x``."""
+        self._lp.changeColCost(self._mu, -x)
 
     def solve(self, pool: Pool) -> tuple[float, Prices, float]:
         """Return the least bound over known trails, its prices, and θ."""
@@ -76,15 +88,18 @@ class LineProver:
 
     def __init__(self, ground: Ground, *, relaxed: bool) -> None:
         self._ground, self._relaxed = ground, relaxed
-        # For each number of robots, the rows that the last solution just kept: with them the next
-        # programme is nearly solved.
-        self._tight: dict[int, list[Hashable]] = {}
+        # For each number of robots the last programme, which is nearly solved for the next place.
+        self._programmes: dict[int, LinesProgramme] = {}
 
     def prove(self, target: Target, certificate: Certificate) -> Facts:
         """Prove lines for a target, stepping from the best prices to those of the programme."""
         ground, moving, x = self._ground, target.moving, target.x
-        pool, tidy, started = ground.pool, ground.team(moving).tidy, self._tight.get(moving, [])
-        programme = LinesProgramme(ground, target, started, relaxed=self._relaxed)
+        pool, tidy = ground.pool, ground.team(moving).tidy
+        programme = self._programmes.pop(moving, None)
+        if programme is None:  # or another thread has it
+            programme = LinesProgramme(ground, moving, relaxed=self._relaxed)
+        programme = programme.renewed(ground)
+        programme.aim(x)
         # A search is the likeliest to end at the best prices so far.
         best, step = ground.lowest(certificate, moving, x), 1.0 if self._relaxed else 0.0
         value, found = np.inf, list[PricedLine]()
@@ -109,7 +124,7 @@ class LineProver:
             if not is_new and step == 1.0:
                 break
             step = _SMOOTHING if is_new or step == 0.0 else 1.0
-        self._tight[moving] = programme.tight()
+        self._programmes[moving] = programme
         used = cast("list[tuple[str, int]]", programme.used())
         numbers = [number for kind, number, *_ in used if kind == "trail"]
         repeating = [trail for i in numbers if (trail := pool.relaxed(i)) is not None]
