@@ -6,6 +6,7 @@ i-th one, (0, 0) where there is none. They draw from one state of random numbers
 the plans.
 """
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -171,9 +172,29 @@ def splice(
         _continue_as(pieces, other_child + t - others, offsets[t], q, p, offsets[s + 1])
 
 
+@helper
+def _draw_next(graph: Graph, node: int, states: SeedArray) -> int:
+    """Draw a node to which an arc leads from a node; −1 where there is none."""
+    if node < 0 or node >= graph.reward.shape[0]:
+        return -1
+    first, stop = graph.first[node], graph.first[node + 1]
+    return graph.head[first + below(states, stop - first)] if first < stop else -1
+
+
 @at_once(lambda trails, *_: 5e-6 * len(trails.nodes))
-def ruin(trails: Trails, team: Team, states: SeedArray, via: IntArray, pieces: OffsetArray) -> None:
+def ruin(
+    trails: Trails,
+    team: Team,
+    graph: Graph,
+    prob_near: float,
+    states: SeedArray,
+    via: IntArray,
+    pieces: OffsetArray,
+) -> None:
     """Cut a random segment out of one trail of each plan, and visit drawn nodes instead.
+
+    With ``prob_near`` the change is a small one: the logarithms of the segment's lengths are
+    uniform, and an arc leads to each new node from the one before.
 
     The nodes are written to ``via`` (n_plans, max_via), and every number of them is equally likely.
     To ``pieces``, which are whole trails before, they lie behind the trails' nodes.
@@ -183,13 +204,21 @@ def ruin(trails: Trails, team: Team, states: SeedArray, via: IntArray, pieces: O
         robot = below(states, n_robots)
         trail, layer = plan * n_robots + robot, layer_of(team, team.start[robot])
         start, stop = offsets[trail], offsets[trail + 1]
-        one, other = below(states, stop - start), below(states, stop - start)
-        low, high = start + min(one, other), start + max(one, other)
+        is_near = uniform(states, 0) < prob_near
+        one, other = start + below(states, stop - start), start + below(states, stop - start)
+        low, high = min(one, other), max(one, other)
+        if is_near:
+            low, room = one, stop - one
+            high = one + min(room, int(math.pow(room + 1, uniform(states, 0)))) - 1
         n_via = below(states, max_via + 1)
         if n_via == 0 and high - low < 2 and max_via > 0:
             n_via = 1  # or nothing would change
+        node = trails.nodes[low]
         for i in range(n_via):
-            via[plan, i] = layer + below(states, team.reward.shape[0])
+            node = _draw_next(graph, node, states) if is_near else -1
+            if node < 0:
+                node = layer + below(states, team.reward.shape[0])
+            via[plan, i] = node
         if n_via == 0:  # a node does not follow itself
             high = max(high, low + 1)
         behind = trails.nodes.shape[0] + plan * max_via
