@@ -96,7 +96,7 @@ class TestRuin:
                 put_in = (node,) * n_via
                 weight = 1 / 18 / (len(ALONE.nodes) if n_via else 1)
                 expected[(trail[: low + 1] + put_in + trail[high:],)] += weight
-        mutation = RuinRecreate(max_via=1, prob_near=0)
+        mutation = RuinRecreate(max_via=1, prob_small=0)
         assert_frequencies(mutated(mutation, ALONE, [trail], 20_000), expected)
 
     def test_small_changes_are_short_and_lead_to_neighbours(self):
@@ -112,7 +112,7 @@ class TestRuin:
                 for node in neighbours:
                     draft = trail[: low + 1] + (node,) * n_new + trail[high:]
                     expected[(draft,)] += weight
-        mutation = RuinRecreate(max_via=1, prob_near=1)
+        mutation = RuinRecreate(max_via=1, prob_small=1)
         assert_frequencies(mutated(mutation, ALONE, [trail], 20_000), expected)
 
     def test_small_changes_of_valid_plans_often_need_no_repair(self):
@@ -120,8 +120,8 @@ class TestRuin:
         mission = load_mission("two_communities", seed=0)
         plans = GuidedTrailSampling().sample_batch(BOTOHE(mission), 500, np.random.default_rng(1))
         valid = []
-        for prob_near in (0, 1):
-            mutation = RuinRecreate(prob_near=prob_near, repair=PenaltyOnly())
+        for prob_small in (0, 1):
+            mutation = RuinRecreate(prob_small=prob_small, repair=PenaltyOnly())
             drafts = mutation.mutate_batch(mission, plans, np.random.default_rng(5))
             is_new = [draft != plan for draft, plan in zip(drafts, plans, strict=True)]
             valid.append(np.mean((mission.evaluate_drafts(drafts)[1] == 0) & is_new))

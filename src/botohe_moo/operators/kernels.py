@@ -6,7 +6,6 @@ i-th one, (0, 0) where there is none. They draw from one state of random numbers
 the plans.
 """
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -15,7 +14,7 @@ import numpy as np
 from botohe_moo.base.types import IntArray, OffsetArray, SeedArray
 from botohe_moo.core.compile import at_once, helper, shared
 from botohe_moo.core.paths import Paths, leads_home, new_paths, safest_path, way_home
-from botohe_moo.core.rng import below, uniform
+from botohe_moo.core.rng import below, log_uniform, uniform
 from botohe_moo.core.world import Graph, Team, World, find_arc, layer_of
 
 _N_PIECES = 3
@@ -186,15 +185,15 @@ def ruin(
     trails: Trails,
     team: Team,
     graph: Graph,
-    prob_near: float,
+    prob_small: float,
     states: SeedArray,
     via: IntArray,
     pieces: OffsetArray,
 ) -> None:
     """Cut a random segment out of one trail of each plan, and visit drawn nodes instead.
 
-    With ``prob_near`` the change is a small one: the logarithms of the segment's lengths are
-    uniform, and an arc leads to each new node from the one before.
+    With probability ``prob_small`` the change is a small one: the logarithm of the segment's length
+    is uniform, and an arc leads to each new node from the one before, if any arc does.
 
     The nodes are written to ``via`` (n_plans, max_via), and every number of them is equally likely.
     To ``pieces``, which are whole trails before, they lie behind the trails' nodes.
@@ -204,18 +203,18 @@ def ruin(
         robot = below(states, n_robots)
         trail, layer = plan * n_robots + robot, layer_of(team, team.start[robot])
         start, stop = offsets[trail], offsets[trail + 1]
-        is_near = uniform(states, 0) < prob_near
+        is_small = uniform(states, 0) < prob_small
         one, other = start + below(states, stop - start), start + below(states, stop - start)
-        low, high = min(one, other), max(one, other)
-        if is_near:
-            low, room = one, stop - one
-            high = one + min(room, int(math.pow(room + 1, uniform(states, 0)))) - 1
+        if is_small:
+            low, high = one, one + log_uniform(states, stop - one) - 1
+        else:
+            low, high = min(one, other), max(one, other)
         n_via = below(states, max_via + 1)
         if n_via == 0 and high - low < 2 and max_via > 0:
             n_via = 1  # or nothing would change
         node = trails.nodes[low]
         for i in range(n_via):
-            node = _draw_next(graph, node, states) if is_near else -1
+            node = _draw_next(graph, node, states) if is_small else -1
             if node < 0:
                 node = layer + below(states, team.reward.shape[0])
             via[plan, i] = node
