@@ -1,10 +1,14 @@
 """Random numbers of the kernels: xoroshiro128+ by the book, evenly spread, seeded by numpy."""
 
+import math
+from collections import Counter
+
 import numpy as np
 import pytest
 
 from botohe_moo.core.compile import kernel
-from botohe_moo.core.rng import draw_weighted, hash_keys, mixed, seed_states, uniform
+from botohe_moo.core.rng import draw_weighted, hash_keys, log_uniform, mixed, seed_states, uniform
+from tests.twins import assert_frequencies
 
 MASK = 2**64 - 1
 
@@ -56,6 +60,14 @@ def test_hash_keys_are_what_splitmix64_draws():
     assert (hash_keys(3).tolist(), hash_keys(0).tolist()) == (expected, [])
     words = [(i * 0x9E3779B97F4A7C15) & MASK for i in (1, 2, 3)]
     assert mixed(np.array(words, np.uint64)).tolist() == expected
+
+
+@pytest.mark.parametrize("n", [1, 2, 7])
+def test_logarithms_are_uniform(n):
+    states = seed_states(np.random.default_rng(4), 1)
+    with np.errstate(all="ignore"):
+        counted = Counter(log_uniform(states, n) for _ in range(20_000))
+    assert_frequencies(counted, {k: math.log((k + 1) / k, n + 1) for k in range(1, n + 1)})
 
 
 def test_indices_are_drawn_by_weight():

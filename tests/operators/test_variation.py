@@ -1,5 +1,6 @@
 """What crossovers and mutations draft, by hand and by enumeration."""
 
+import math
 from collections import Counter
 from itertools import product
 
@@ -9,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from botohe_moo import BOTOHE, TrailPlan, load_mission
+from botohe_moo.algorithms import GuidedTrailSampling
 from botohe_moo.operators import PenaltyOnly, RuinRecreate, ShareTrails, TrailSplice
 from botohe_moo.trails import PlanBatch
 from tests.examples import examples
@@ -94,7 +96,36 @@ class TestRuin:
                 put_in = (node,) * n_via
                 weight = 1 / 18 / (len(ALONE.nodes) if n_via else 1)
                 expected[(trail[: low + 1] + put_in + trail[high:],)] += weight
-        assert_frequencies(mutated(RuinRecreate(max_via=1), ALONE, [trail], 20_000), expected)
+        mutation = RuinRecreate(max_via=1, prob_small=0)
+        assert_frequencies(mutated(mutation, ALONE, [trail], 20_000), expected)
+
+    def test_small_changes_are_short_and_lead_to_neighbours(self):
+        trail = (1, 2, 4, 2, 1)
+        expected = Counter()
+        for low, n_via in product(range(5), range(2)):
+            room = 5 - low
+            for span in range(room):
+                high = low + span
+                n_new = 1 if span < 2 else n_via
+                neighbours = sorted(ALONE.graph.successors(trail[low])) if n_new else [None]
+                weight = math.log((span + 2) / (span + 1), room + 1) / 10 / len(neighbours)
+                for node in neighbours:
+                    draft = trail[: low + 1] + (node,) * n_new + trail[high:]
+                    expected[(draft,)] += weight
+        mutation = RuinRecreate(max_via=1, prob_small=1)
+        assert_frequencies(mutated(mutation, ALONE, [trail], 20_000), expected)
+
+    def test_small_changes_of_valid_plans_often_need_no_repair(self):
+        # Where faults only count as violation, plans could hardly change otherwise.
+        mission = load_mission("two_communities", seed=0)
+        plans = GuidedTrailSampling().sample_batch(BOTOHE(mission), 500, np.random.default_rng(1))
+        valid = []
+        for prob_small in (0, 1):
+            mutation = RuinRecreate(prob_small=prob_small, repair=PenaltyOnly())
+            drafts = mutation.mutate_batch(mission, plans, np.random.default_rng(5))
+            is_new = [draft != plan for draft, plan in zip(drafts, plans, strict=True)]
+            valid.append(np.mean((mission.evaluate_drafts(drafts)[1] == 0) & is_new))
+        assert valid[1] > 2 * valid[0]
 
     def test_one_robot_is_changed_also_one_at_base(self):
         for draft in mutated(RuinRecreate(), TOY, [A, B], 500):

@@ -4,6 +4,7 @@ Blackman and Vigna, "Scrambled linear pseudorandom number generators", ACM Trans
 Mathematical Software 47(4), 2021. A state is two 64-bit words, not both zero.
 """
 
+import math
 from typing import TypeVar
 
 import numpy as np
@@ -74,6 +75,15 @@ def uniform(states: SeedArray, which: int) -> float:
 def below(states: SeedArray, n: int) -> int:
     """Draw an integer from 0 to n − 1 by the first state."""
     return int(uniform(states, 0) * n)
+
+
+@helper
+def log_uniform(states: SeedArray, n: int) -> int:
+    """Draw an integer from 1 to n by the first state, small ones more often.
+
+    It is k with probability log((k + 1) / k) / log(n + 1).
+    """
+    return min(n, int(math.pow(n + 1, uniform(states, 0))))
 
 
 @helper

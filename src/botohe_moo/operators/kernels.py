@@ -14,7 +14,7 @@ import numpy as np
 from botohe_moo.base.types import IntArray, OffsetArray, SeedArray
 from botohe_moo.core.compile import at_once, helper, shared
 from botohe_moo.core.paths import Paths, leads_home, new_paths, safest_path, way_home
-from botohe_moo.core.rng import below, uniform
+from botohe_moo.core.rng import below, log_uniform, uniform
 from botohe_moo.core.world import Graph, Team, World, find_arc, layer_of
 
 _N_PIECES = 3
@@ -171,9 +171,29 @@ def splice(
         _continue_as(pieces, other_child + t - others, offsets[t], q, p, offsets[s + 1])
 
 
+@helper
+def _draw_next(graph: Graph, node: int, states: SeedArray) -> int:
+    """Draw a node to which an arc leads from a node; −1 where there is none."""
+    if node < 0 or node >= graph.reward.shape[0]:
+        return -1
+    first, stop = graph.first[node], graph.first[node + 1]
+    return graph.head[first + below(states, stop - first)] if first < stop else -1
+
+
 @at_once(lambda trails, *_: 5e-6 * len(trails.nodes))
-def ruin(trails: Trails, team: Team, states: SeedArray, via: IntArray, pieces: OffsetArray) -> None:
+def ruin(
+    trails: Trails,
+    team: Team,
+    graph: Graph,
+    prob_small: float,
+    states: SeedArray,
+    via: IntArray,
+    pieces: OffsetArray,
+) -> None:
     """Cut a random segment out of one trail of each plan, and visit drawn nodes instead.
+
+    With probability ``prob_small`` the change is a small one: the logarithm of the segment's length
+    is uniform, and an arc leads to each new node from the one before, if any arc does.
 
     The nodes are written to ``via`` (n_plans, max_via), and every number of them is equally likely.
     To ``pieces``, which are whole trails before, they lie behind the trails' nodes.
@@ -183,13 +203,21 @@ def ruin(trails: Trails, team: Team, states: SeedArray, via: IntArray, pieces: O
         robot = below(states, n_robots)
         trail, layer = plan * n_robots + robot, layer_of(team, team.start[robot])
         start, stop = offsets[trail], offsets[trail + 1]
-        one, other = below(states, stop - start), below(states, stop - start)
-        low, high = start + min(one, other), start + max(one, other)
+        is_small = uniform(states, 0) < prob_small
+        one, other = start + below(states, stop - start), start + below(states, stop - start)
+        if is_small:
+            low, high = one, one + log_uniform(states, stop - one) - 1
+        else:
+            low, high = min(one, other), max(one, other)
         n_via = below(states, max_via + 1)
         if n_via == 0 and high - low < 2 and max_via > 0:
             n_via = 1  # or nothing would change
+        node = trails.nodes[low]
         for i in range(n_via):
-            via[plan, i] = layer + below(states, team.reward.shape[0])
+            node = _draw_next(graph, node, states) if is_small else -1
+            if node < 0:
+                node = layer + below(states, team.reward.shape[0])
+            via[plan, i] = node
         if n_via == 0:  # a node does not follow itself
             high = max(high, low + 1)
         behind = trails.nodes.shape[0] + plan * max_via

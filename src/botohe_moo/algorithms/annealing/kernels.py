@@ -13,7 +13,7 @@ from botohe_moo.base.types import FloatArray, IntArray, OffsetArray, SeedArray
 from botohe_moo.core.compile import at_once, helper, inlined, shared
 from botohe_moo.core.evaluate import Reached, begin_plan, combine, expected_reward, new_reached
 from botohe_moo.core.paths import Paths, new_paths, safest_path
-from botohe_moo.core.rng import below, draw_weighted, uniform
+from botohe_moo.core.rng import below, draw_weighted, log_uniform, uniform
 from botohe_moo.core.walk import Visits, new_visits, sort_trails, walk
 from botohe_moo.core.world import Graph, World, find_arc, keeps, layer_of
 
@@ -185,8 +185,7 @@ def _draw_positions(
     """
     if move == DETOUR:
         first = below(states, n + 1)
-        room = n + 1 - first
-        return first, first + min(room, int(math.pow(room + 1, uniform(states, 0)))) - 1
+        return first, first + log_uniform(states, n + 1 - first) - 1
     if move == INSERT:
         first = below(states, n + 1)
         return first, min(first + 1, n)
