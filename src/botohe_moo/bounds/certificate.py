@@ -22,6 +22,10 @@ class PricedLine(NamedTuple):
     line: Line
     prices: Prices | None
 
+    def at(self, x: float) -> float:
+        """Return the E[R] of the line where survivals sum to ``x``."""
+        return self.line.most - self.line.mu * x
+
 
 class Sums(NamedTuple):
     """No team of ``moving`` whose steps sum to ``first`` + i or more gets above ``most[i]``."""
@@ -79,7 +83,7 @@ class Certificate:
 
     def line_at(self, moving: int, x: float) -> float:
         """Bound E[R] as :meth:`bound` does, by lines alone."""
-        return min(line.most - line.mu * x for line, _ in self.lines[moving - 1])
+        return min(priced.at(x) for priced in self.lines[moving - 1])
 
     def bound(self, moving: int, x: float) -> float:
         """Bound E[R] where the survivals of ``moving`` robots sum to ``x`` or more."""

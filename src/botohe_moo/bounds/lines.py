@@ -84,64 +84,83 @@ class LinesProgramme(Programme):
 
 
 class LineProver:
-    """Proves lines: by relaxed trails, which learn what they repeat, or by searches for trails."""
+    """Proves lines: by relaxed trails, and then by searches for trails, as long as these end."""
 
-    def __init__(self, ground: Ground, *, relaxed: bool) -> None:
-        self._ground, self._relaxed = ground, relaxed
-        # For each number of robots the last programme, which is nearly solved for the next place.
-        self._programmes: dict[int, LinesProgramme] = {}
+    def __init__(self, ground: Ground) -> None:
+        self._ground = ground
+        # For each number of robots the last programmes, which are nearly solved for the next place.
+        self._programmes: dict[tuple[int, bool], LinesProgramme] = {}
 
     def prove(self, target: Target, certificate: Certificate) -> Facts:
-        """Prove lines for a target, stepping from the best prices to those of the programme."""
+        """Prove lines for a target, and tell which relaxed trails repeat something.
+
+        Where searches end, it does not matter what relaxed trails repeat.
+        """
+        pool, x, moving = self._ground.pool, target.x, target.moving
+        best = self._ground.lowest(certificate, moving, x)
+        bound = certificate.line_at(moving, x)
+        by_relaxed, best, used = self._descend(target, best, bound, relaxed=True)
+        bound = min([bound, *(line.at(x) for line in by_relaxed if line.line.n_robots == moving)])
+        by_search, _, _ = self._descend(target, best, bound, relaxed=False)
+        repeating = [trail for i in used if (trail := pool.relaxed(i)) is not None]
+        return Facts((*by_relaxed, *by_search), repeating=() if by_search else tuple(repeating))
+
+    def _descend(
+        self, target: Target, best: Prices, bound: float, *, relaxed: bool
+    ) -> tuple[list[PricedLine], Prices, list[int]]:
+        """Step from the best prices to those of the programme.
+
+        Returns the lines found, the best prices, and the numbers of the trails that keep the
+        programme from less.
+        """
         ground, moving, x = self._ground, target.moving, target.x
         pool, tidy = ground.pool, ground.team(moving).tidy
-        programme = self._programmes.pop(moving, None)
+        programme = self._programmes.pop((moving, relaxed), None)
         if programme is None:  # or another thread has it
-            programme = LinesProgramme(ground, moving, relaxed=self._relaxed)
+            programme = LinesProgramme(ground, moving, relaxed=relaxed)
         programme = programme.renewed(ground)
         programme.aim(x)
         # A search is the likeliest to end at the best prices so far.
-        best, step = ground.lowest(certificate, moving, x), 1.0 if self._relaxed else 0.0
-        value, found = np.inf, list[PricedLine]()
+        value, step, found = np.inf, 1.0 if relaxed else 0.0, list[PricedLine]()
         for _ in range(_MOST_PRICES):
             least, wanted, theta = programme.solve(pool)
             least += ground.base_reward
-            bound = min(value, certificate.line_at(moving, x))
             if bound - least < _TOLERANCE * bound or ground.deadline.is_over():
                 break
             prices = best.towards(wanted, step)
             prices = Prices(tidy(prices.visits), prices.mu)
-            priced = self._price(prices)
+            priced = self._price(prices, relaxed, target.effort)
             if priced is None:
                 break
             most, new = priced
-            lines = ground.lines(moving, prices, most, "relaxed" if self._relaxed else "exact")
+            lines = ground.lines(moving, prices, most, "relaxed" if relaxed else "exact")
             found += lines
-            reached = lines[0].line.most - prices.mu * x
+            reached = lines[0].at(x)
+            bound = min(bound, reached)
             if reached < value:
                 best, value = prices, reached
             is_new = new is not None and new.worth(wanted) > theta + _NEW
             if not is_new and step == 1.0:
                 break
             step = _SMOOTHING if is_new or step == 0.0 else 1.0
-        self._programmes[moving] = programme
+        self._programmes[moving, relaxed] = programme
         used = cast("list[tuple[str, int]]", programme.used())
-        numbers = [number for kind, number, *_ in used if kind == "trail"]
-        repeating = [trail for i in numbers if (trail := pool.relaxed(i)) is not None]
-        return Facts(lines=tuple(found), repeating=tuple(repeating))
+        return found, best, [number for kind, number, *_ in used if kind == "trail"]
 
-    def _price(self, prices: Prices) -> tuple[float, Visits | None] | None:
+    def _price(
+        self, prices: Prices, relaxed: bool, effort: int
+    ) -> tuple[float, Visits | None] | None:
         """Return what no trail is worth more than, and the best trail if it is new.
 
         None is returned where a search takes too long.
         """
         ground = self._ground
         ahead = ground.look_ahead(prices)
-        if self._relaxed:
+        if relaxed:
             added = [ground.pool.add(*trail) for trail in ground.relaxation.best_trails(ahead)]
             return ahead.most, added[0][0] if added and added[0][1] else None
         worth = ground.pool.trails().worth(prices, relaxed=False)
         least = max(0.0, float(worth.max(initial=0.0))) + 1e-9
-        ended, most, arcs = ground.relaxation.search(ahead, least, _MOST_MOVES)
+        ended, most, arcs = ground.relaxation.search(ahead, least, _MOST_MOVES * effort)
         visits, is_new = ground.pool.add(arcs) if arcs else (None, False)
         return (min(most, ahead.most), visits if is_new else None) if ended else None

@@ -23,6 +23,9 @@ from botohe_moo.bounds.teams import LEAST_SURVIVAL, TeamProver
 _CELLS = 24  # of the range of E[S] in the first round, and twice as many in each further one
 _MOST_ROUNDS = 5
 _TURN = 0.04  # of the time, in which one kind is attempted
+# Where one robot is bounded at first, as shares of its largest survival: that is quick, and prices
+# for one robot bound any number of them.
+_FIRST = 0.5, 0.75, 0.25
 # A turn counts as if it closed at least this share of the gap, and the speed of kinds that wait
 # grows by this factor in each turn.
 _LEAST_CLOSED, _AGES = 1e-3, 1.2
@@ -222,12 +225,11 @@ class Schedule:
         self._bound, self._n_threads = bound, n_threads
         efforts = [2**i for i in range(_MOST_ROUNDS)]
         has_stairs = ground.most_survival >= LEAST_SURVIVAL
+        lines = (CellTargets(known, _CELLS * e, e, stairs=False) for e in efforts)
         cells = (CellTargets(known, _CELLS * e, e, stairs=True) for e in efforts if has_stairs)
         steps = [StepTargets(known, ground)] if has_stairs else []
-        lines = [CellTargets(known, _CELLS, 1, stairs=False) for _ in range(2)]
         self._kinds = [
-            Attempts(LineProver(ground, relaxed=True), lines[:1]),
-            Attempts(LineProver(ground, relaxed=False), lines[1:]),
+            Attempts(LineProver(ground), lines),
             Attempts(StairsProver(ground), cells),
             Attempts(TeamProver(ground), steps),
         ]
@@ -244,6 +246,9 @@ class Schedule:
         speeds, deadline = dict.fromkeys(self._kinds, math.inf), self._ground.deadline
         with ThreadPoolExecutor(self._n_threads) as threads:
             try:
+                for share in _FIRST:
+                    first = Target(1, share * self._ground.most_survival)
+                    self._attempt(self._kinds[0].prover, [first], threads)
                 bound, now = look()
                 while speeds and now > gap and not deadline.is_over():
                     kind, before, began = max(speeds, key=speeds.__getitem__), now, deadline.work
@@ -253,7 +258,10 @@ class Schedule:
                         if not taken:
                             del speeds[kind]
                             break
-                        self._attempt(kind.prover, taken, threads)
+                        targets = [target for target, _, _ in taken]
+                        found, has_learned = self._attempt(kind.prover, targets, threads)
+                        for (_, place, judging), facts in zip(taken, found, strict=True):
+                            judging.judge(place, facts, has_learned)
                         bound, now = look()
                     speeds = {each: _AGES * speed for each, speed in speeds.items()}
                     if kind in speeds:
@@ -263,15 +271,19 @@ class Schedule:
                 deadline.end()  # for the other threads
                 raise
 
-    def _attempt(self, prover: Prover, taken: Any, threads: ThreadPoolExecutor) -> None:
-        """Attempt some targets side by side, add what they prove, and learn."""
+    def _attempt(
+        self, prover: Prover, targets: list[Target], threads: ThreadPoolExecutor
+    ) -> tuple[list[Facts], bool]:
+        """Attempt some targets side by side, add what they prove, and learn.
+
+        Returns what was proved for each, and whether relaxed trails have learned something.
+        """
         ground, certificate = self._ground, self._certificate
-        targets = [target for target, _, _ in taken]
         found = list(threads.map(lambda each: prover.prove(each, certificate), targets))
         repeating = [trail for facts in found for trail in facts.repeating]
         has_learned = bool(repeating) and ground.relaxation.remember(repeating)
         if has_learned:
             ground.pool.drop_forbidden(ground.relaxation.allows)
-        for (_, place, judging), facts in zip(taken, found, strict=True):
+        for facts in found:
             certificate.add(facts)
-            judging.judge(place, facts, has_learned)
+        return found, has_learned

@@ -52,19 +52,17 @@ class Tables(NamedTuple):
 class _Level(NamedTuple):
     """One level: what links are worth, a choice of a link for each state, and its value."""
 
-    # Links whose robots stay above the level below: those of state s are ``first[s]`` to
-    # ``first[s + 1]``. They are worth ``gain`` + ``part`` × what lies ahead of ``to``.
-    first: OffsetArray
-    link: OffsetArray  # among all states' links
-    to: OffsetArray
+    # A link is worth ``gain`` + ``part`` of its move × what lies ahead of its end. Links whose
+    # robots stay above the level below have a part; those of state s end before ``end[s]``
+    # (n_links, n_moves, n_states).
     gain: FloatArray
     part: FloatArray
-    # What a state is worth that stops, or takes a link to a level that is known (n_states).
+    end: OffsetArray
+    # What a state is worth that stops, or takes a later link (n_states).
     known: FloatArray
     cap: FloatArray  # what it is not worth more than (n_states)
     value: FloatArray  # what lies ahead of each state with these choices, or more (n_states)
-    chosen: OffsetArray  # a link of the level, or −1 for what is known (n_states)
-    before: OffsetArray  # the link that was chosen at the level below, or −1 (n_states)
+    chosen: OffsetArray  # a link before ``end``, or −1 for what is known (n_states)
     # Scratch to follow the choices.
     path: OffsetArray  # states in the order in which they are followed (n_states)
     seen: OffsetArray  # 1 on the path, 2 where a state is valued (n_states)
@@ -102,7 +100,7 @@ def _count_linear(prices: FloatArray) -> int:
 
 
 @inlined
-def _follow_choices(level: _Level, n_states: int) -> None:
+def _follow_choices(states: States, begin: int, level: _Level, n_states: int) -> None:
     """Compute what all states are worth with the links chosen."""
     cap, value = level.cap, level.value
     chosen, path, seen = level.chosen, level.path, level.seen
@@ -113,7 +111,7 @@ def _follow_choices(level: _Level, n_states: int) -> None:
             seen[state] = 1
             path[n] = state
             n += 1
-            state = level.to[chosen[state]]
+            state = states.to[chosen[state]] - begin
         if seen[state] == 0:
             value[state], seen[state] = level.known[state], 2
         elif seen[state] == 1:  # a cycle
@@ -121,8 +119,8 @@ def _follow_choices(level: _Level, n_states: int) -> None:
             while True:
                 link = chosen[at]
                 total += left * level.gain[link]
-                left *= level.part[link]
-                at = level.to[link]
+                left *= level.part[states.move[link]]
+                at = states.to[link] - begin
                 if at == state:
                     break
             most = cap[state]
@@ -132,13 +130,16 @@ def _follow_choices(level: _Level, n_states: int) -> None:
             at = path[i]
             if seen[at] == 1:
                 link = chosen[at]
-                worth = level.gain[link] + level.part[link] * value[level.to[link]]
+                part = level.part[states.move[link]]
+                worth = level.gain[link] + part * value[states.to[link] - begin]
                 value[at] = min(worth, cap[at])
                 seen[at] = 2
 
 
 @inlined
-def _choose(level: _Level, n_states: int, tolerance: float, is_forward: bool) -> tuple[bool, float]:
+def _choose(
+    states: States, begin: int, level: _Level, n_states: int, tolerance: float, is_forward: bool
+) -> tuple[bool, float]:
     """Choose better links, and raise values; return whether there were any.
 
     Also returns the most by which other values fall short of the best link. A raised value at once
@@ -148,8 +149,9 @@ def _choose(level: _Level, n_states: int, tolerance: float, is_forward: bool) ->
     for i in range(n_states):
         state = i if is_forward else n_states - 1 - i
         best, chosen = level.known[state], -1
-        for link in range(level.first[state], level.first[state + 1]):
-            worth = level.gain[link] + level.part[link] * value[level.to[link]]
+        for link in range(states.first[begin + state], level.end[state]):
+            part = level.part[states.move[link]]
+            worth = level.gain[link] + part * value[states.to[link] - begin]
             if worth > best:
                 best, chosen = worth, link
         best = min(best, level.cap[state])
@@ -166,33 +168,32 @@ def _weigh_links(
 ) -> None:
     """Write what links are worth at level ``at``: links of the level, and ``known``.
 
-    At the lowest level, values at the levels below are proportional to them. Choices begin anew.
+    At the lowest level, values at the levels below are proportional to them. Choices of links to
+    levels that are known are taken back.
     """
-    begin, n = states.begin[piece], 0
-    below = level.below[at - 1]
+    begin, below, part = states.begin[piece], level.below[at - 1], level.part
+    there, paid = tables.there[at], tables.paid[at]
+    for move in range(part.shape[0]):
+        part[move] = there[move] / at if is_lowest else max(there[move] - (at - 1), 0.0)
     for state in range(states.begin[piece + 1] - begin):
-        level.first[state] = n
-        best, before, level.chosen[state] = level.known[state], level.before[state], -1
-        for link in range(states.first[begin + state], states.first[begin + state + 1]):
+        first, best = states.first[begin + state], level.known[state]
+        end = first
+        for link in range(first, states.first[begin + state + 1]):
             move, to = states.move[link], states.to[link] - begin
-            there = tables.there[at, move]
-            paid = tables.paid[at, move] if states.pays[link] else 0.0
-            if not is_lowest and there < at - 1:
-                low = int(there)
-                left, right = level.below[low, to], level.below[low + 1, to]
-                best = max(best, paid + left + (right - left) * (there - low))
-                continue
-            level.link[n], level.to[n] = link, to
-            if is_lowest:
-                level.gain[n], level.part[n] = paid, there / at
+            gain = paid[move] if states.pays[link] else 0.0
+            if there[move] >= at - 1 or is_lowest:
+                if not is_lowest:
+                    gain += below[to] * (1.0 - part[move])
+                end = link + 1
             else:
-                level.part[n] = there - (at - 1)
-                level.gain[n] = paid + below[to] * (1.0 - level.part[n])
-            if link == before:
-                level.chosen[state] = n
-            n += 1
-        level.known[state] = min(best, level.cap[state])
-    level.first[states.begin[piece + 1] - begin] = n
+                low = int(there[move])
+                left, right = level.below[low, to], level.below[low + 1, to]
+                gain += left + (right - left) * (there[move] - low)
+                best = max(best, gain)
+            level.gain[link] = gain
+        level.known[state], level.end[state] = min(best, level.cap[state]), end
+        if level.chosen[state] >= end:
+            level.chosen[state] = -1
 
 
 @inlined
@@ -217,7 +218,7 @@ def _solve(
     begin, n_states = states.begin[piece], states.begin[piece + 1] - states.begin[piece]
     n_levels, entry = level.below.shape[0] - 1, net.pieces.entry[piece]
     most_short = 0.0
-    level.below[0, :n_states], level.before[:n_states] = 0.0, -1
+    level.below[0, :n_states], level.chosen[:n_states] = 0.0, -1
     for at in range(n_linear, n_levels + 1):
         for state in range(n_states):
             node = states.node[begin + state]
@@ -227,17 +228,14 @@ def _solve(
         _weigh_links(states, piece, tables, level, at, at == n_linear)
         is_better, short, n = True, 0.0, 0
         while is_better and n < _MOST_CHOICES:
-            _follow_choices(level, n_states)
+            _follow_choices(states, begin, level, n_states)
             n += 1
-            is_better, short = _choose(level, n_states, rule.tolerance, n % 2 == 0)
+            is_better, short = _choose(states, begin, level, n_states, rule.tolerance, n % 2 == 0)
         if is_better:
             short = 0.0
             for state in range(n_states):
                 level.value[state] = level.cap[state]
         most_short = max(most_short, short)
-        for state in range(n_states):
-            chosen = level.chosen[state]
-            level.before[state] = level.link[chosen] if chosen >= 0 else -1
         for lower in range(1 if at == n_linear else at, at + 1):
             for state in range(n_states):
                 level.below[lower, state] = level.value[state] * (lower / at)
@@ -245,24 +243,17 @@ def _solve(
 
 
 @array_maker
-def _new_level(states: States, n_levels: int) -> _Level:
+def _new_level(states: States, n_moves: int, n_levels: int) -> _Level:
     """Return scratch for the largest piece."""
-    n_states = n_links = 0
-    for piece in range(states.begin.shape[0] - 1):
-        begin, end = states.begin[piece], states.begin[piece + 1]
-        n_states = max(n_states, end - begin)
-        n_links = max(n_links, states.first[end] - states.first[begin])
+    n_states = (states.begin[1:] - states.begin[:-1]).max()
     return _Level(
-        first=np.empty(n_states + 1, np.int64),
-        link=np.empty(n_links, np.int64),
-        to=np.empty(n_links, np.int64),
-        gain=np.empty(n_links),
-        part=np.empty(n_links),
+        gain=np.empty(states.to.shape[0]),
+        part=np.empty(n_moves),
+        end=np.empty(n_states, np.int64),
         known=np.empty(n_states),
         cap=np.empty(n_states),
         value=np.zeros(n_states),
         chosen=np.empty(n_states, np.int64),
-        before=np.empty(n_states, np.int64),
         path=np.empty(n_states, np.int64),
         seen=np.empty(n_states, np.int64),
         below=np.zeros((n_levels + 1, n_states)),
@@ -359,7 +350,7 @@ def look_ahead(
             tables.there[at, arc] = there
             tables.paid[at, arc] = chord(prices, graph.head[arc], there)
     n_linear = _count_linear(prices)
-    level, n_most = _new_level(states, n_levels), tables.slope.shape[1]
+    level, n_most = _new_level(states, tables.there.shape[1], n_levels), tables.slope.shape[1]
     heights, most = np.empty((n_most, n_levels + 1)), np.empty(n_levels + 1)
     most_short = _STRAIGHT * prices.max()
     for piece in range(pieces.entry.shape[0] - 1, 0, -1):

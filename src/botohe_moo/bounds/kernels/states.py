@@ -132,9 +132,16 @@ def _n_links(pieces: Pieces, arc: int) -> int:
 
 @kernel
 def find_states(net: Net, memory: Memory, n_most: int) -> States:
-    """Find all states that are reached from the entries; none if there are over ``n_most``."""
+    """Find all states that are reached from the entries; none if there are over ``n_most``.
+
+    Links of each state come by descending ratio of their arcs: those that stay above a level first.
+    """
     graph, pieces = net.world.graph, net.pieces
     n_nodes, n_arcs, n_pieces = graph.reward.shape[0], graph.head.shape[0], pieces.entry.shape[0]
+    order = np.empty(n_arcs, np.int64)
+    for node in range(n_nodes):
+        first, end = graph.first[node], graph.first[node + 1]
+        order[first:end] = first + np.argsort(-net.ratio[first:end], kind="mergesort")
     offset = np.zeros(n_nodes + 1, np.int64)
     for i in range(n_nodes):
         offset[i + 1] = offset[i] + (1 << memory.n_bits[i])
@@ -152,7 +159,7 @@ def find_states(net: Net, memory: Memory, n_most: int) -> States:
         n += 1
         while at < n and n <= n_most:
             tail = node_of[at]
-            for arc in range(graph.first[tail], graph.first[tail + 1]):
+            for arc in order[graph.first[tail] : graph.first[tail + 1]]:
                 n_new = _n_links(pieces, arc)
                 after = _next_mask(memory, arc, mask[at]) if n_new > 0 else -1
                 if after < 0:
@@ -172,7 +179,7 @@ def find_states(net: Net, memory: Memory, n_most: int) -> States:
     link = 0
     for state in range(n):
         tail = node_of[state]
-        for arc in range(graph.first[tail], graph.first[tail + 1]):
+        for arc in order[graph.first[tail] : graph.first[tail + 1]]:
             n_new, into = _n_links(pieces, arc), pieces.into[arc]
             after = _next_mask(memory, arc, mask[state]) if n_new > 0 else -1
             if after < 0:
