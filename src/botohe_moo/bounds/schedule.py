@@ -26,6 +26,9 @@ _TURN = 0.04  # of the time, in which one kind is attempted
 # Where one robot is bounded at first, as shares of its largest survival: that is quick, and prices
 # for one robot bound any number of them.
 _FIRST = 0.5, 0.75, 0.25
+# Until they are attempted, kinds but lines count as if they closed half of the gap in this share of
+# the time.
+_HALVED_IN = 0.5
 # A turn counts as if it closed at least this share of the gap, and the speed of kinds that wait
 # grows by this factor in each turn.
 _LEAST_CLOSED, _AGES = 1e-3, 1.2
@@ -225,7 +228,7 @@ class Schedule:
         self._bound, self._n_threads = bound, n_threads
         efforts = [2**i for i in range(_MOST_ROUNDS)]
         has_stairs = ground.most_survival >= LEAST_SURVIVAL
-        lines = (CellTargets(known, _CELLS * e, e, stairs=False) for e in efforts)
+        lines = (CellTargets(known, _CELLS * e, e, stairs=False) for e in efforts[:2])
         cells = (CellTargets(known, _CELLS * e, e, stairs=True) for e in efforts if has_stairs)
         steps = [StepTargets(known, ground)] if has_stairs else []
         self._kinds = [
@@ -243,7 +246,9 @@ class Schedule:
                 callback(bound)
             return bound, self._known.gap(bound)
 
-        speeds, deadline = dict.fromkeys(self._kinds, math.inf), self._ground.deadline
+        deadline = self._ground.deadline
+        speeds = dict.fromkeys(self._kinds, math.log(2.0) / (_HALVED_IN * deadline.seconds))
+        speeds[self._kinds[0]] = math.inf
         with ThreadPoolExecutor(self._n_threads) as threads:
             try:
                 for share in _FIRST:
