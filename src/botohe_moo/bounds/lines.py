@@ -20,8 +20,10 @@ from botohe_moo.bounds.prices import Pool, Prices, Visits
 from botohe_moo.bounds.programme import CUT, Programme
 
 _TOLERANCE = 1e-3  # how near to the programme's value a line has to come, as a share of the bound
+_EXACT_TOLERANCE = 2e-4
 _MOST_PRICES = 60  # that are tried at one place
 _SMOOTHING = 0.5  # how far prices go from the best known ones to those of the linear programme
+_NEARER, _LEAST_STEP = 3.0, 0.02  # they go less far, where a search did not end; and at least so far
 _NEW = 1e-6  # by how much a new trail has to be worth more than the known ones
 _MOST_MOVES = 1_000_000  # of a search
 _MOST_ROWS = 3  # times as many rows as columns
@@ -125,13 +127,16 @@ class LineProver:
         for _ in range(_MOST_PRICES):
             least, wanted, theta = programme.solve(pool)
             least += ground.base_reward
-            if bound - least < _TOLERANCE * bound or ground.deadline.is_over():
+            if bound - least < (_TOLERANCE if relaxed else _EXACT_TOLERANCE) * bound or ground.deadline.is_over():
                 break
             prices = best.towards(wanted, step)
             prices = Prices(tidy(prices.visits), prices.mu)
             priced = self._price(prices, relaxed, target.effort)
             if priced is None:
-                break
+                step /= _NEARER
+                if step < _LEAST_STEP:
+                    break
+                continue
             most, new = priced
             lines = ground.lines(moving, prices, most, "relaxed" if relaxed else "exact")
             found += lines

@@ -28,7 +28,7 @@ _TURN = 0.04  # of the time, in which one kind is attempted
 _FIRST = 0.5, 0.75, 0.25
 # Until they are attempted, kinds but lines count as if they closed half of the gap in this share of
 # the time.
-_HALVED_IN = 0.5
+_HALVED_IN = 0.15
 # A turn counts as if it closed at least this share of the gap, and the speed of kinds that wait
 # grows by this factor in each turn.
 _LEAST_CLOSED, _AGES = 1e-3, 1.2
