@@ -23,7 +23,10 @@ _TOLERANCE = 1e-3  # how near to the programme's value a line has to come, as a 
 _EXACT_TOLERANCE = 2e-4
 _MOST_PRICES = 60  # that are tried at one place
 _SMOOTHING = 0.5  # how far prices go from the best known ones to those of the linear programme
-_NEARER, _LEAST_STEP = 3.0, 0.02  # they go less far, where a search did not end; and at least so far
+_NEARER, _LEAST_STEP = (
+    3.0,
+    0.02,
+)  # they go less far, where a search did not end; and at least so far
 _NEW = 1e-6  # by how much a new trail has to be worth more than the known ones
 _MOST_MOVES = 1_000_000  # of a search
 _MOST_ROWS = 3  # times as many rows as columns
@@ -127,7 +130,10 @@ class LineProver:
         for _ in range(_MOST_PRICES):
             least, wanted, theta = programme.solve(pool)
             least += ground.base_reward
-            if bound - least < (_TOLERANCE if relaxed else _EXACT_TOLERANCE) * bound or ground.deadline.is_over():
+            if (
+                bound - least < (_TOLERANCE if relaxed else _EXACT_TOLERANCE) * bound
+                or ground.deadline.is_over()
+            ):
                 break
             prices = best.towards(wanted, step)
             prices = Prices(tidy(prices.visits), prices.mu)

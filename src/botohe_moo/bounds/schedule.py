@@ -228,7 +228,7 @@ class Schedule:
         self._bound, self._n_threads = bound, n_threads
         efforts = [2**i for i in range(_MOST_ROUNDS)]
         has_stairs = ground.most_survival >= LEAST_SURVIVAL
-        lines = (CellTargets(known, _CELLS * e, e, stairs=False) for e in efforts[:1])
+        lines = (CellTargets(known, _CELLS * e, e, stairs=False) for e in efforts[:2])
         cells = (CellTargets(known, _CELLS * e, e, stairs=True) for e in efforts if has_stairs)
         steps = [StepTargets(known, ground)] if has_stairs else []
         self._kinds = [
