@@ -370,8 +370,10 @@ def test_no_plan_exceeds_stairs_at_any_stage(stairs_alone, short_search, seeds):
 
 
 @pytest.mark.slow
-def test_fronts_of_small_tunnels(no_front):
-    for seed in range(10):
-        mission = load_mission("tunnel", nodes=12 + seed % 5, robots=1 + seed % 3, seed=seed)
+@pytest.mark.parametrize("seeds", seeds(3, 50))
+@pytest.mark.parametrize("name", ["tunnel", "rooms", "mine"])
+def test_fronts_of_small_maps(no_front, name, seeds):
+    for seed in seeds:
+        mission = load_mission(name, nodes=12 + seed % 4, robots=1 + seed % 3, seed=seed)
         true, [*_, last] = bounded_at_all_stages(mission, {}, seed, gap=0.02)
         assert last.gap(true) < 0.05, seed

@@ -19,14 +19,13 @@ from botohe_moo.bounds.ground import Ground, Target
 from botohe_moo.bounds.prices import Pool, Prices, Visits
 from botohe_moo.bounds.programme import CUT, Programme
 
-_TOLERANCE = 1e-3  # how near to the programme's value a line has to come, as a share of the bound
-_EXACT_TOLERANCE = 2e-4
+# How near to the programme's value a line has to come, as a share of the bound: by relaxed trails,
+# and by searches.
+_TOLERANCE, _EXACT_TOLERANCE = 1e-3, 2e-4
 _MOST_PRICES = 60  # that are tried at one place
 _SMOOTHING = 0.5  # how far prices go from the best known ones to those of the linear programme
-_NEARER, _LEAST_STEP = (
-    3.0,
-    0.02,
-)  # they go less far, where a search did not end; and at least so far
+# Where a search does not end, prices go less far by this factor, but at least so far.
+_NEARER, _LEAST_STEP = 3.0, 0.02
 _NEW = 1e-6  # by how much a new trail has to be worth more than the known ones
 _MOST_MOVES = 1_000_000  # of a search
 _MOST_ROWS = 3  # times as many rows as columns
@@ -126,14 +125,12 @@ class LineProver:
         programme = programme.renewed(ground)
         programme.aim(x)
         # A search is the likeliest to end at the best prices so far.
-        value, step, found = np.inf, 1.0 if relaxed else 0.0, list[PricedLine]()
+        value, found = np.inf, list[PricedLine]()
+        step, tolerance = (1.0, _TOLERANCE) if relaxed else (0.0, _EXACT_TOLERANCE)
         for _ in range(_MOST_PRICES):
             least, wanted, theta = programme.solve(pool)
             least += ground.base_reward
-            if (
-                bound - least < (_TOLERANCE if relaxed else _EXACT_TOLERANCE) * bound
-                or ground.deadline.is_over()
-            ):
+            if bound - least < tolerance * bound or ground.deadline.is_over():
                 break
             prices = best.towards(wanted, step)
             prices = Prices(tidy(prices.visits), prices.mu)
