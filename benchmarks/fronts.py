@@ -64,7 +64,7 @@ def _grow(algorithm: ParetoLocalSearch, size: int) -> list[float]:
     """Search on until the front has so many plans; measure what its second half costs."""
     while algorithm._search is None or not algorithm.is_initialized:
         algorithm.next()
-    search = algorithm._search
+    search = algorithm._search.first  # the one island
     while len(search) < size // 2:
         algorithm.next()
     evaluations, entries, seconds = algorithm.evaluator.n_eval, search.version, [0.0]
