@@ -307,6 +307,21 @@ def test_the_best_teams_of_bins(known, n_robots, data):
     assert all(len(team) == n_robots and sum(team) >= needed for team in found)
 
 
+def test_sums_of_many_robots_hold_where_they_are_wanted():
+    """Searches begin so far below a target that sums of twenty robots cover it."""
+    ground = new_proof(load_mission("toy", robots=20))._new_ground(4, 1)
+    n_found = 0
+    for moving, share in product((2, 7, 20), (0.5, 0.9, 0.999, 1.0)):
+        x = share * moving * ground.most_survival
+        facts = StairsProver(ground).prove(Target(moving, x, effort=8), ground.certificate())
+        total = int(least_total(x, ground.width, moving))
+        for sums in facts.sums:
+            if sums.moving == moving:
+                assert sums.first <= total < sums.first + len(sums.most)
+                n_found += 1
+    assert n_found > 5
+
+
 @given(heights, st.integers(1, 3), st.floats(0, 3), st.floats(0, 30))
 def test_lifted_stairs_leave_teams_where_they_may_be(known, moving, x, worth):
     """No team that survives with x is worth more than before or than it may be."""

@@ -78,8 +78,7 @@ def bound_front(
         same bounds one after another, where libraries round alike; how far they get depends on the
         machine, and so may whether it finds a true front.
     callback
-        Called with each bound on the way, which is valid, too; by any of several threads, one at a
-        time.
+        Called with each bound on the way, which is valid, too.
 
     Returns
     -------

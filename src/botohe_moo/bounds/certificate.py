@@ -28,7 +28,11 @@ class PricedLine(NamedTuple):
 
 
 class Sums(NamedTuple):
-    """No team of ``moving`` whose steps sum to ``first`` + i or more gets above ``most[i]``."""
+    """What stairs prove of teams of ``moving`` robots.
+
+    A trail with survival s is on step ⌊s / width⌋. Where the numbers of a team's steps sum to
+    ``first`` + i or more, E[R] is at most ``most[i]``.
+    """
 
     moving: int
     first: int

@@ -20,8 +20,6 @@ from botohe_moo.indicators import area_indicator
 from botohe_moo.mission.model import Mission, check_mission, numbers_digest
 from botohe_moo.objectives import check_objectives
 
-FORMAT: Literal["botohe-front-bound-1"] = "botohe-front-bound-1"
-
 LineProof = Literal["everything", "relaxed", "exact"]
 
 
@@ -153,12 +151,6 @@ def stairs_of(values: FloatArray, survival: FloatArray, width: float, n_steps: i
     return falling(stairs)
 
 
-def last_steps(stairs: FloatArray) -> OffsetArray:
-    """Return the last step of each height."""
-    falls = np.append(stairs[1:] < stairs[:-1], True)
-    return np.flatnonzero(falls & np.isfinite(stairs))
-
-
 def falling(stairs: FloatArray) -> FloatArray:
     """Raise each step to the highest of those after it, so that stairs never rise."""
     raised: FloatArray = np.maximum.accumulate(stairs[::-1])[::-1]
@@ -182,7 +174,8 @@ def add_stairs(stairs: FloatArray, n_trails: int) -> FloatArray:
 def add_two(stairs: FloatArray, others: FloatArray) -> FloatArray:
     """Return the most that a trail and others are worth together, by the sum of their steps."""
     after = np.full(len(others) + len(stairs) - 1, -np.inf)
-    for step in last_steps(stairs).tolist():
+    is_last = np.append(stairs[1:] < stairs[:-1], True) & np.isfinite(stairs)  # of its height
+    for step in np.flatnonzero(is_last).tolist():
         reached = after[step : step + len(others)]
         np.maximum(reached, others + stairs[step], out=reached)
     return falling(after)
@@ -437,7 +430,7 @@ class FrontBound:
             The file, which is replaced if there is one.
         """
         record = BoundRecord(
-            format=FORMAT,
+            format="botohe-front-bound-1",
             mission_digest=numbers_digest(self.mission),
             version=version("botohe-moo"),
             max_length=None if self.max_length == np.inf else self.max_length,

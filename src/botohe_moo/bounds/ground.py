@@ -13,7 +13,7 @@ from botohe_moo.bounds.deadline import Deadline
 from botohe_moo.bounds.front_bound import Line, LineProof, stairs_of
 from botohe_moo.bounds.kernels.states import Net
 from botohe_moo.bounds.kernels.trails import Stairs
-from botohe_moo.bounds.prices import Pool, PricedTeam, Prices
+from botohe_moo.bounds.prices import Pool, PricedTeam, Prices, refine
 from botohe_moo.bounds.relaxation import LEVELS, Ahead, BoundLines, Relaxation
 from botohe_moo.core.world import CHECKING
 
@@ -43,7 +43,10 @@ class Target(NamedTuple):
 
 
 class Ground:
-    """A mission as attempts see it, with its relaxed trails, and the trails that are known."""
+    """What all provers share: the mission's arrays, its relaxed trails, known trails, the deadline.
+
+    Rewards are counted in units. E[R] has the base's reward, what trails are worth has not.
+    """
 
     def __init__(
         self,
@@ -115,7 +118,7 @@ class Ground:
 
     def spread(self, visits: FloatArray) -> FloatArray:
         """Return prices for all nodes, on a grid of ``LEVELS`` or a few more."""
-        return self.team(1).spread(visits, LEVELS)
+        return self.team(1).to_all(refine(visits, -(-LEVELS // self.pool.n_levels)))
 
     def look_ahead(self, prices: Prices) -> Ahead:
         """Bound all trails under prices."""

@@ -151,8 +151,8 @@ class LineProver:
             if not is_new and step == 1.0:
                 break
             step = _SMOOTHING if is_new or step == 0.0 else 1.0
-        self._programmes[moving, relaxed] = programme
         used = cast("list[tuple[str, int]]", programme.used())
+        self._programmes[moving, relaxed] = programme  # from now on another thread may take it
         return found, best, [number for kind, number, *_ in used if kind == "trail"]
 
     def _price(

@@ -255,10 +255,10 @@ class Remembered:
         return Memory(n_bits, np.array(first_kept), pairs, adds, unpaid, barred)
 
     def forgets(self, trail: RelaxedTrail) -> list[tuple[int, list[int]]]:
-        """Return what a relaxed trail does twice: bits, each with the nodes that lack it.
+        """Return what nodes have to remember for a relaxed trail to be impossible.
 
-        These are nodes of a piece between the first time and the second. Bits with the fewest come
-        first.
+        These are the bits of what it does twice, each with the nodes of the piece between both
+        times that lack it. Bits with the fewest come first.
         """
         found = []
         for walk in self._walks(trail):

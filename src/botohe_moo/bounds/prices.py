@@ -91,6 +91,7 @@ class PricedTeam:
     def tidy(self, prices: FloatArray) -> FloatArray:
         """Lower prices where the most that is gained beside them stays, and make them convex.
 
+        Trails are worth less then, and the bound is lower.
         The price at a level may fall until some configuration of the other robots gains more. All
         robots pay the same prices, so a price falls by the share of one robot.
         """
@@ -112,11 +113,6 @@ class PricedTeam:
         everywhere = np.zeros((self._n_all, *values.shape[1:]))
         everywhere[self.nodes] = values
         return everywhere
-
-    def spread(self, prices: FloatArray, n_levels: int) -> FloatArray:
-        """Return prices for all nodes of the mission, on a grid of ``n_levels`` or a few more."""
-        n_times = -(-n_levels // self.n_levels)
-        return self.to_all(refine(prices, n_times))
 
 
 def refine(prices: FloatArray, n_times: int) -> FloatArray:
@@ -267,8 +263,7 @@ class Pool:
     def _seen(self, paying: list[tuple[int, float]], survival: float) -> Visits:
         """Share out the probability to be alive at each node to the two levels next to it."""
         nodes, alive = np.array(paying).reshape(-1, 2).T
-        pays = np.isin(nodes, self._nodes)
-        nodes, alive = nodes[pays].astype(int), alive[pays]
+        nodes = nodes.astype(int)
         level = np.minimum(alive / self._net.reach[nodes], 1.0) * self.n_levels
         low = np.minimum(level.astype(int), self.n_levels - 1)
         weights = np.zeros((len(self._nodes), self.n_levels + 1))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from itertools import pairwise
 from typing import Any
 
@@ -14,6 +15,7 @@ from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch
 from botohe_moo.bounds.deadline import Deadline
 from botohe_moo.bounds.front_bound import FrontBound, Step
 from botohe_moo.bounds.ground import Ground
+from botohe_moo.bounds.kernels.states import ROUNDING
 from botohe_moo.bounds.net import MOST_SLOPES, arcs_by_ends, new_net
 from botohe_moo.bounds.prices import Pool, most_levels
 from botohe_moo.bounds.relaxation import LEVELS, MOST_BITS, Relaxation
@@ -91,20 +93,19 @@ class Proof:
         seconds = min(_EXACT_SHARE * self.deadline.seconds, _EXACT_SECONDS)
         # Portions decide, unless they take twice as long as they usually do.
         memory = self._memory / _MIB
-        search = FrontSearch(mission, self._world, time_limit=2 * seconds, memory_limit=memory)
+        world = self._world.with_limits(self._world.limits.loosened(ROUNDING))
+        search = FrontSearch(mission, world, time_limit=2 * seconds, memory_limit=memory)
         n_portions = int(min(_MOST_PORTIONS, 1 + _PORTIONS_A_SECOND * seconds))
-        try:
+        with suppress(TooLargeError):
             while search.plans is None and n_portions > 0:
                 search.advance()
                 n_portions -= 1
-        except TooLargeError:
-            return False
         if search.plans is None:
             return False
         objectives = mission.evaluate(search.plans)  # by ascending E[S]
         # Twice what exact_front regards as equal.
         reward, robots = 2 * CHECKING * mission.total_reward, 2 * CHECKING * mission.robots
-        most = [float(objectives[0, 0]) + reward, *(objectives[1:, 0] + reward).tolist()]
+        most = (objectives[:, 0] + reward).tolist()
         least = [-math.inf, *(objectives[:-1, 1] + robots).tolist()]
         for moving in range(1, mission.robots + 1):
             stay = mission.robots - moving

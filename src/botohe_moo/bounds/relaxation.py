@@ -49,18 +49,22 @@ MOST_LINES = 8  # prices under which a search bounds what lies ahead
 
 
 class Ahead(NamedTuple):
-    """Bounds under prices: on what lies ahead of each state, and on what any trail is worth."""
+    """Bounds on trails under some prices.
+
+    From a state of the base's piece, alive with probability p, the rest of a trail is worth at most
+    ``values`` there, between two levels their chord, and ``spare``.
+    """
 
     states: States  # of relaxed trails, as far as they remembered then
     worth: Worth  # the prices
     tables: Tables  # of pieces beyond bridges, which prices of survival share
     values: FloatArray  # of the base's piece (n_states there, n_levels + 1)
     spare: float  # what has to be added to values, for rounding and tolerance
-    most: float  # no trail is worth more
+    most: float  # no trail is worth more, with ``spare``
 
 
-# Bounds under several prices, of the same states, each with the amounts by which the prices of
-# trails may exceed them at each node (n_nodes).
+# Bounds under several prices, of the same states, for searches under prices of their own. Each has
+# the most by which these exceed its prices at each node (n_nodes).
 BoundLines: TypeAlias = Sequence[tuple[Ahead, FloatArray]]
 
 
@@ -193,7 +197,10 @@ class Relaxation:
 
         These are the arcs of trails (n, n_arcs), and how many they are (n).
         """
-        depths = self._depths.pop() if self._depths else self._new_depths()
+        try:
+            depths = self._depths.pop()
+        except IndexError:
+            depths = self._new_depths()
         n_most = self._deadline.most_moves(rule.n_most)
         try:
             states, ahead = lines[0][0].states, completions(lines)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -75,23 +75,6 @@ class Known:
         return 0.0 if above == 0.0 else above / float(self.reached.sum() or 1e-300)
 
 
-class Prover(Protocol):
-    """What attempts to prove something."""
-
-    def prove(self, target: Target, certificate: Certificate) -> Facts:
-        """Prove what can be proved for a target."""
-
-
-class Targets(Protocol):
-    """The places of one round."""
-
-    def take(self, bound: FrontBound) -> tuple[Target, Any] | None:
-        """Return the next target and its place, which is closed meanwhile; None if none is left."""
-
-    def judge(self, place: Any, facts: Facts, has_learned: bool) -> None:
-        """Open a place again where another attempt may prove more."""
-
-
 class CellTargets:
     """Cells of the range of E[S], each for the numbers of moving robots that bound it there."""
 
@@ -141,7 +124,8 @@ class StepTargets:
         moving = np.arange(robots + 1)[:, None]
         least, most = robots - moving, robots - moving + moving * ground.most_survival
         self._is_open: BoolArray = (ends > least) & (self._starts <= most)
-        self._is_open[:2] = False  # stairs of one robot need no goal
+        # Stairs of one robot need no goal, and those of many take too long to sum.
+        self._is_open[:2] = self._is_open[MOST_SUMMED + 1 :] = False
         self._share = np.zeros(self._is_open.shape)
         self._effort = np.ones(self._is_open.shape, np.int64)
         self._first = np.searchsorted(known.survivors, self._starts)
@@ -190,6 +174,10 @@ class StepTargets:
         else:
             self._share[moving, near] += _EASIER
         self._is_open[moving] &= self._effort[moving] <= _MOST_EFFORT
+
+
+Prover: TypeAlias = LineProver | StairsProver | TeamProver
+Targets: TypeAlias = CellTargets | StepTargets
 
 
 class Attempts:

@@ -2,7 +2,11 @@
 
 Step b is about survivals from b · width to (b + 1) · width, and heights never rise. A team of j
 robots whose survivals sum to x or more collects at most what nodes give beside prices, and the best
-sum of j steps that may survive so. Unlike a line, stairs keep the team's survival whole.
+sum of j heights whose steps may survive so:
+
+    E[R] ≤ r_base + Σ_v c_v + max {Σ_k heights[b_k] : Σ_k b_k ≥ ⌊x / width⌋ − j + 1}.
+
+Unlike a line, stairs keep the team's survival whole.
 """
 
 from __future__ import annotations
@@ -134,7 +138,7 @@ class StairsProver:
             least, wanted = programme.solve(ground.pool)
             least += ground.base_reward
             own = [float(sums.most[total - sums.first]) for sums in found if sums.moving == moving]
-            bound = min(bound, *own, math.inf)
+            bound = min([bound, *own])
             if bound <= least * (1 + _CLOSE) or ground.deadline.is_over():
                 break
             visits = centre if stay == 1.0 else team.tidy(stay * centre + (1 - stay) * wanted)
@@ -191,7 +195,8 @@ class StairsProver:
     def _first_step(self, moving: int, x: float) -> float:
         """Return the survival from which on trails are searched."""
         ground = self._ground
-        return max(0.0, x - _MARGIN * ground.width - (moving - 1) * ground.most_survival)
+        n_below = max(_MARGIN, moving + 1)
+        return max(0.0, x - n_below * ground.width - (moving - 1) * ground.most_survival)
 
     def _known(self, visits: FloatArray, moving: int, x: float) -> FloatArray:
         """Return the stairs of known trails that survive as a team needs it (N_STEPS)."""
@@ -213,10 +218,11 @@ class StairsProver:
     def _lifted(
         self, stairs: FloatArray, best: FloatArray, moving: int, worth: float
     ) -> FloatArray:
-        """Raise stairs as far as no team is worth more than ``worth``.
+        """Raise stairs of known trails to heights that a search is to confirm.
 
-        Each of a team's robots takes an equal part of what is left to the ``best`` team with its
-        step.
+        The higher they are, the sooner it ends. No team on them is worth more than ``worth``,
+        unless known trails are: each robot takes an equal part of what is left to the ``best`` team
+        with its step.
         """
         room = np.maximum(0.0, worth - best) / moving
         room = np.minimum(room, self._ground.relaxation.total)

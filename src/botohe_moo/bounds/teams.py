@@ -21,6 +21,7 @@ from botohe_moo.core.ordered import best_reward, insert, new_front
 
 _MOST_MOVES = 1_000_000  # of a search, for each unit of effort
 _MOST_TEAMS = 20_000_000  # choices that are tried for the best team
+_SECONDS_A_CHOICE = 2e-8  # on a usual processor
 _MOST_ROUNDS = 3  # in which thresholds are raised
 _N_HEIGHTS = 40  # of thresholds: few are quicker to search
 LEAST_SURVIVAL = 1e-280  # as good as 0: where no robot survives with more, there are no stairs
@@ -66,9 +67,10 @@ class TeamProver:
     def _needed(
         self, moving: int, x: float, goal: float, ahead: list[Ahead], stairs: FloatArray | None
     ) -> FloatArray:
-        """Return what a trail on each step is worth at least, in a team that is worth a goal.
+        """Return what a trail on each step is worth at least, in a team worth more than ``goal``.
 
-        ``stairs`` bound what any trail is worth, if they are given.
+        That is the goal, without what nodes give beside prices, less the most that the others are
+        worth. ``stairs`` bound what any trail is worth, if they are given.
         """
         n_others, ground = moving - 1, self._ground
         # The others have to survive with the rest of x, at the upper end of the step.
@@ -104,5 +106,8 @@ class TeamProver:
         front = new_front(4, moving)
         insert(front, np.inf, x * (1.0 - ROUNDING) - LEAST_SURVIVAL)
         insert(front, goal, np.inf)
-        ended = choose_teams(choices, front, _MOST_TEAMS, most_reward=True)
+        deadline = self._ground.deadline
+        n_most = int(min(_MOST_TEAMS, deadline.left / _SECONDS_A_CHOICE))
+        ended = choose_teams(choices, front, n_most, most_reward=True)
+        deadline.work += _SECONDS_A_CHOICE * int(choices.turn[0].n_looks)
         return best_reward(front, np.inf) if ended else None

@@ -19,6 +19,7 @@ from botohe_moo.core.world import World
 # Survivals that are this much below a step of stairs, relative, count as on it.
 _EDGE = 5e-13
 _UNIT = 2.0**52  # of costs
+_LARGEST = 256.0  # cost of an arc, and half of that of a trail: more is as good as no survival
 _WAYS = 4  # partial trails that are remembered at one place
 _LINK = 16  # how many numbers are written in the time that trying a move takes
 
@@ -43,9 +44,10 @@ _FOUND = np.dtype([("n_trails", np.int64), ("n_searches", np.int64)])
 class Completions(NamedTuple):
     """Bounds on what lies ahead, under several prices of survival and of visits at once.
 
-    Line m: what a partial trail becomes worth whose robot comes home with probability s or more is
-    at most what it is worth so far + what lies ahead by ``values[m]`` + ``beside`` of all nodes not
-    yet visited − ``mu[m]`` · s.
+    Line m: a partial trail whose robot comes home with probability s or more becomes worth at most
+
+        what it is worth so far + ``values[m]`` ahead of it + Σ ``beside[m]`` of nodes not yet
+        visited − ``mu[m]`` · s.
     """
 
     values: FloatArray  # of the base's piece (n_lines, n_states there, n_levels + 1)
@@ -137,7 +139,7 @@ def new_depths(
         used=np.full(n_arcs, -1, np.int64),
         met=np.full(n_nodes, -1, np.int64),
         keys=random_state.integers(2**64, size=(n_arcs, 2), dtype=np.uint64),
-        cost=np.rint(-np.log(net.graph.survival) * _UNIT).astype(np.int64),
+        cost=np.rint(np.minimum(-np.log(net.graph.survival), _LARGEST) * _UNIT).astype(np.int64),
         seen=np.zeros(n_seen, _SEEN).view(np.recarray),
     )
 
@@ -403,7 +405,7 @@ def find_trails(
         if n > rule.n_most:
             break
         value, pays = last.value, -1
-        if graph.reward[visit] > 0.0 and depths.met[visit] != search and visit != base:
+        if graph.reward[visit] > 0.0 and depths.met[visit] != search:
             value += chord(prices, visit, there / net.reach[visit] * n_levels)
             pays = visit
         if node == base:
@@ -442,6 +444,7 @@ def find_trails(
         if back >= 0:
             low, high = low ^ depths.keys[back, 0], high ^ depths.keys[back, 1]
         cost = last.cost + depths.cost[arc] + (depths.cost[back] if back >= 0 else 0)
+        cost = min(cost, int(2 * _LARGEST * _UNIT))
         budgeted = length if net.max_length < np.inf else 0.0
         if not rule.every and _is_seen(depths, search, low, high, cost, value, budgeted):
             continue
