@@ -87,6 +87,16 @@ def test_no_plan_exceeds_what_threads_prove(no_front, short_search, seeds):
         assert last.gap(true) < 0.02, seed
 
 
+def test_a_plan_that_rounding_takes_below_the_floor_is_not_above_the_bound():
+    graph = nx.DiGraph()
+    graph.add_nodes_from([(0, {"reward": 0.0}), (1, {"reward": 1.0})])
+    graph.add_weighted_edges_from([(0, 1, 0.7), (1, 0, 0.1)], "survival")
+    assert 0.7 * 0.1 < 0.07
+    front = [[0.7, 0.07], [0.0, 1.0]]
+    bound = bound_front(Mission(graph, base=0, robots=1), front=front, min_survival=0.07)
+    assert bound.gap(front) < 1e-9
+
+
 @pytest.mark.parametrize("n_threads", [1, 3])
 def test_what_a_callback_raises_ends_all_threads(no_front, n_threads):
     """Ctrl-C returns what is proved; other errors are raised."""

@@ -10,7 +10,7 @@ import numpy as np
 from botohe_moo.algorithms.exact.front import FrontSearch, TooLargeError
 from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch
 from botohe_moo.bounds.front_bound import FrontBound, Step
-from botohe_moo.bounds.kernels.states import Net
+from botohe_moo.bounds.kernels.states import ROUNDING, Net
 from botohe_moo.bounds.lines import LEVELS, Lines
 from botohe_moo.bounds.master import Pool, most_levels
 from botohe_moo.bounds.net import Remembered, arcs_by_ends, new_net
@@ -125,9 +125,8 @@ class Proof:
         mission = self._mission
         seconds = min(_EXACT_SHARE * self.clock.seconds, _EXACT_SECONDS)
         # Portions decide, unless they take twice as long as they usually do.
-        search = FrontSearch(
-            mission, self._world, time_limit=2 * seconds, memory_limit=self._memory
-        )
+        world = self._world.with_limits(self._world.limits.loosened(ROUNDING))
+        search = FrontSearch(mission, world, time_limit=2 * seconds, memory_limit=self._memory)
         n_portions = int(min(_MOST_PORTIONS, 1 + _PORTIONS_A_SECOND * seconds))
         try:
             while search.plans is None and n_portions > 0:

@@ -28,7 +28,7 @@ _TRAILS_AT_ONCE, _TEAMS_AT_ONCE = 30, 12  # rows that are added before it is sol
 _MOST_LINKS = 2_000_000  # of a search, for each unit of effort
 _MOST_PRICES = 12  # that are tried at one place
 _CLOSE = 1e-3  # how near to the programme's value a bound has to come, as a share of it
-_MARGIN = 6  # steps by which a search begins below what it needs
+_MARGIN = 6  # steps by which a search begins below what it needs, at least
 # The target of a search lies this share of the gap above the programme's value: at first and at
 # least. Where the search ends without a new trail it is halved, and where it gives up it grows to
 # ``_WIDER`` times as much and ``_FURTHER``, at most to ``_FURTHEST``.
@@ -220,7 +220,8 @@ class TeamStairs:
 
     def _first_step(self, moving: int, x: float) -> float:
         """Return the survival from which on trails are searched."""
-        return max(0.0, x - _MARGIN * self._width - (moving - 1) * self._most_survival)
+        n_below = max(_MARGIN, moving + 1)  # or sums of their steps would not reach x
+        return max(0.0, x - n_below * self._width - (moving - 1) * self._most_survival)
 
     def _known(self, visits: FloatArray, moving: int, x: float) -> FloatArray:
         """Return the stairs of known trails that survive as a team needs it (n_steps)."""
