@@ -325,6 +325,22 @@ def test_the_best_teams_of_bins(known, n_robots, data):
     assert all(len(team) == n_robots and sum(team) >= needed for team in found)
 
 
+ZERO_TEAM = SimpleNamespace(most=lambda _: np.zeros(1))  # nothing is gained beside prices
+
+
+@given(st.integers(2, 20), st.floats(0, 1), st.floats(1e-3, 1))
+def test_searches_begin_low_enough_for_sums_of_many_robots(moving, share, most):
+    """What holds for survivals of ``least`` or more holds for teams that survive with x."""
+    width = most * (1 + 1e-9) / N_STEPS
+    x, team = share * moving * most, SimpleNamespace(_width=width, _most_survival=most)
+    least = TeamStairs._first_step(team, moving, x)
+    lines = SimpleNamespace(base_reward=0.0, rounding=0.0, team=ZERO_TEAM)
+    team._relaxation, team._lines = SimpleNamespace(total=0.0), [lines] * moving
+    team._most = [np.full(j * (N_STEPS - 1) + 1, np.inf) for j in range(1, moving + 1)]
+    TeamStairs._keep(team, np.zeros(0), np.zeros(N_STEPS), least)
+    assert team._most[-1][: int(least_total(x, width, moving)) + 1].min() == 0.0
+
+
 @given(heights, st.integers(1, 3), st.floats(0, 3), st.floats(0, 30))
 def test_lifted_stairs_leave_teams_where_they_may_be(known, moving, x, worth):
     """No team that survives with x is worth more than before or than it may be."""
