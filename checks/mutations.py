@@ -122,6 +122,8 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, help="the table as CSV")
     given = parser.parse_args()
+    if unknown := sorted({*given.entries} - {*ENTRIES}):
+        parser.error(f"expected some of {', '.join(ENTRIES)}, found {', '.join(unknown)}")
     rows = []
     with tempfile.TemporaryDirectory(prefix="botohe-mutations-") as folder:
         copy_checkout(Path(folder))

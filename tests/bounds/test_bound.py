@@ -88,13 +88,16 @@ def test_no_plan_exceeds_what_threads_prove(no_front, short_search, seeds):
         assert last.gap(true) < 0.02, seed
 
 
-def test_a_plan_that_rounding_takes_below_the_floor_is_not_above_the_bound():
+@pytest.mark.parametrize("limits", [{"min_survival": 0.07}, {"max_length": 0.3}])
+def test_a_plan_that_rounding_takes_beyond_a_limit_is_not_above_the_bound(limits):
     graph = nx.DiGraph()
     graph.add_nodes_from([(0, {"reward": 0.0}), (1, {"reward": 1.0})])
-    graph.add_weighted_edges_from([(0, 1, 0.7), (1, 0, 0.1)], "survival")
+    graph.add_edge(0, 1, survival=0.7, length=0.1)
+    graph.add_edge(1, 0, survival=0.1, length=0.2)
     assert 0.7 * 0.1 < 0.07
+    assert 0.1 + 0.2 > 0.3
     front = [[0.7, 0.07], [0.0, 1.0]]
-    bound = bound_front(Mission(graph, base=0, robots=1), front=front, min_survival=0.07)
+    bound = bound_front(Mission(graph, base=0, robots=1), front=front, **limits)
     assert bound.gap(front) < 1e-9
 
 

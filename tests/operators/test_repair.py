@@ -145,6 +145,14 @@ def test_counts_by_hand():
     assert len(repair.repair_batch(RING, PlanBatch.from_plans([], 1))) == 0
 
 
+def test_short_drafts_of_long_trails_get_the_room_that_they_need():
+    corridor = mission_of([(n, n + 1, 0.9) for n in range(10)], [1] * 11, both_ways=True, robots=1)
+    there = [*range(11), *range(9, -1, -1)]
+    drafts = PlanBatch(np.full(60, 10, np.int32), np.arange(61), 1)
+    repaired = SafestPathRepair().repair_batch(corridor, drafts)
+    assert [plan.trails for plan in repaired] == [(tuple(there),)] * 60
+
+
 def test_penalty_only_needs_a_problem_that_allows_it():
     drafts = np.array([[TrailPlan([[0, 2, 0]])], [TrailPlan([[0, 1, 0, 1, 0]])]], dtype=object)
     assert (PenaltyOnly()._do(BOTOHE(RING), drafts) == drafts).all()
