@@ -13,6 +13,7 @@ from botohe_moo.bounds.deadline import Deadline
 from botohe_moo.bounds.front_bound import Line, LineProof, stairs_of
 from botohe_moo.bounds.kernels.states import Net
 from botohe_moo.bounds.kernels.trails import Stairs
+from botohe_moo.bounds.net import RelaxedTrail
 from botohe_moo.bounds.prices import Pool, PricedTeam, Prices, refine
 from botohe_moo.bounds.relaxation import LEVELS, Ahead, BoundLines, Relaxation
 from botohe_moo.core.world import CHECKING
@@ -27,6 +28,8 @@ MOST_SUMMED = 20  # robots: sums of stairs take time that grows with the square 
 # the line; and what that is at least, in shares of all reward.
 _MU_SHARES = (0.3, 1.0)
 _LEAST_MU = 0.01
+_MOST_MOVES = 2_000_000
+_MOST_LABELS = 8_000_000
 _EPSILON = float(np.finfo(float).eps)
 
 
@@ -132,20 +135,31 @@ class Ground:
         ahead = self.relaxation.look_ahead(self.spread(prices.visits), mus)
         return [(each, none) for each in ahead]
 
-    def known_stairs(self, visits: FloatArray) -> FloatArray:
+    def known_stairs(self, visits: FloatArray, *, relaxed: bool) -> FloatArray:
         """Return the stairs of known trails (N_STEPS), without anything for their survival."""
         trails = self.pool.trails()
-        worth = trails.worth(Prices(visits, 0.0), relaxed=False)
+        worth = trails.worth(Prices(visits, 0.0), relaxed=relaxed)
         return np.maximum(stairs_of(worth, trails.survival, self.width, N_STEPS), 0.0)
 
     def raise_stairs(
-        self, visits: FloatArray, ahead: BoundLines, stairs: Stairs, n_most: int
-    ) -> tuple[bool, int]:
-        """Raise stairs above all trails; return whether that ended, and how many were found."""
-        ended, trails = self.relaxation.raise_stairs(self.spread(visits), ahead, stairs, n_most)
-        for arcs in trails:
-            self.pool.add(arcs)
-        return ended, len(trails)
+        self, visits: FloatArray, ahead: BoundLines, stairs: Stairs, effort: int, *, relaxed: bool
+    ) -> tuple[bool, int, list[RelaxedTrail]]:
+        """Raise stairs above all trails, or all relaxed trails.
+
+        Returns whether that ended, how many new trails were found, and those that repeat something.
+        """
+        prices = self.spread(visits)
+        if not relaxed:
+            ended, found = self.relaxation.raise_above_trails(prices, ahead, stairs, _MOST_MOVES * effort)
+            return ended, sum(self.pool.add(arcs)[1] for arcs in found), []
+        ended, trails = self.relaxation.raise_above_relaxed(prices, ahead, stairs, _MOST_LABELS * effort, effort)
+        n_new, repeating = 0, []
+        for trail in trails:
+            number, is_new = self.pool.add(*trail)
+            n_new += is_new
+            if self.pool.relaxed(number) is not None:
+                repeating.append(trail)
+        return ended, n_new, repeating
 
 
 def most_survival(net: Net) -> float:

@@ -10,13 +10,15 @@ import numpy as np
 
 from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.bounds.deadline import SECONDS_A_MOVE, Deadline
-from botohe_moo.bounds.kernels.relaxed import (
-    Rule,
-    Tables,
-    Worth,
-    follow,
-    look_ahead,
+from botohe_moo.bounds.kernels.labels import (
+    LabelRule,
+    Labels,
+    new_frontiers,
+    new_labels,
+    raise_by_labels,
+    settle_excursion,
 )
+from botohe_moo.bounds.kernels.relaxed import Rule, Tables, Worth, follow, look_ahead
 from botohe_moo.bounds.kernels.states import Net, States, find_states
 from botohe_moo.bounds.kernels.trails import (
     Completions,
@@ -42,6 +44,11 @@ _MOST_STATES = 40_000  # of relaxed trails that have learned what to remember
 _N_SEEN = 1 << 18  # sets of arcs that a depth-first search recognises when it meets them again
 # When relaxed trails remember more, there are at most so many states, or so many times as many.
 _FREE_STATES, _GROWTH = 4_000, 1.5
+_MOST_LABELS = 1 << 20
+SECONDS_A_LABEL = 1e-7
+_LOSS = 2e-5  # of all reward: how far labels may be from what is true
+_MOST_ENDS = 16
+_FINE = 0.02
 _MOST_FOUND = 50_000  # trails that a search returns
 _MOST_FOUND_ARCS = 1 << 22  # room for the arcs of all these trails
 LEVELS = 24  # of probabilities to be alive, or up to twice as many
@@ -94,6 +101,7 @@ class Relaxation:
             new_depths, net, random_state, _N_SEEN, n_room, MOST_LINES, 2 * LEVELS
         )
         self._depths = [self._new_depths()]
+        self._labels: list[Labels] = []
         self._remembered = Remembered(net, n_bits)
         while not self._find_states(min(max(n_nodes + 1, _FIRST_STATES), self._most_states)):
             n_bits -= 1
@@ -168,7 +176,7 @@ class Relaxation:
         last = _as_lists(arcs[-1:], n_arcs[-1:])
         return ended, float(stairs.heights[0]) + ahead.spare, last[0] if last else []
 
-    def raise_stairs(
+    def raise_above_trails(
         self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int
     ) -> tuple[bool, list[list[int]]]:
         """Raise stairs above all trails; return whether the search has ended, and trails found."""
@@ -176,6 +184,65 @@ class Relaxation:
         ended, *found = self._search(Worth(prices, mu=0.0), lines, stairs, rule)
         stairs.heights[:] += max(ahead.spare for ahead, _ in lines)
         return ended, _as_lists(*found)
+
+    def raise_above_relaxed(
+        self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int, effort: int
+    ) -> tuple[bool, list[RelaxedTrail]]:
+        """Raise stairs above all relaxed trails.
+
+        Returns whether that has ended, and relaxed trails that have raised them.
+        """
+        net, states = self.net, lines[0][0].states
+        try:
+            labels = self._labels.pop()
+        except IndexError:
+            labels = new_labels(_MOST_LABELS, self._most_states)
+        loss = _LOSS * self.total
+        cap = float(prices[:, -1].sum()) * (1.0 + 1e-12)
+        n_most = int(min(n_most, self._deadline.left / SECONDS_A_LABEL))
+        rule = LabelRule(loss / (2 * net.graph.n_arcs), cap, _SLACK * self.total, n_most, _FINE / effort)
+        frontiers = new_frontiers(net, prices.shape[1] - 1)
+        given = net, states, Worth(prices, mu=0.0), completions(lines), stairs, rule, frontiers, labels
+        try:
+            n = raise_by_labels(*given)
+            self._deadline.work += SECONDS_A_LABEL * abs(n)
+            if n < 0:
+                return False, []
+            stairs.heights[:] += 2 * max(ahead.spare for ahead, _ in lines) + loss
+            ends = labels.ends[1 : 1 + labels.ends[0]].tolist()
+            chosen = ends[:: -(-len(ends) // _MOST_ENDS) or 1]
+            walks = [_walk_of(labels, end) for end in chosen]
+            return True, [self._expanded(given, walk, 1.0) for walk in walks]
+        finally:
+            self._labels.append(labels)
+
+    def _expanded(self, given, walk, alive) -> RelaxedTrail:
+        """Return the relaxed trail of a walk through states."""
+        net, states, frontiers, labels = given[0], given[1], given[-2], given[-1]
+        graph, pieces = net.graph, net.pieces
+        arcs, paid = [], []
+        for link, here, share in walk:
+            move = int(states.move[link])
+            if move < graph.n_arcs:
+                arcs.append(move)
+                paid.append(bool(states.pays[link]))
+                continue
+            child = int(pieces.of_option[move - graph.n_arcs])
+            arc, back = int(pieces.arc[child]), int(pieces.back[child])
+            arcs.append(arc)
+            paid.append(bool(graph.reward[graph.head[arc]] > 0.0))
+            if pieces.first_option[child + 1] - pieces.first_option[child] > 1:
+                out = here * graph.survival[arc]
+                settle_excursion(*given, child, out)
+                ends = labels.ends[1 : 1 + labels.ends[0]]
+                back_share = labels.alive[ends] * graph.survival[back] / here
+                end = int(ends[max(0, np.searchsorted(-back_share, -share * (1 - 1e-9), "right") - 1)])
+                inner = self._expanded(given, _walk_of(labels, end), out)
+                arcs += inner.arcs
+                paid += inner.paid
+            arcs.append(back)
+            paid.append(False)
+        return RelaxedTrail(arcs, paid)
 
     def find_all(
         self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int
@@ -254,6 +321,15 @@ class Relaxation:
 def _as_lists(arcs: OffsetArray, n_arcs: OffsetArray) -> list[list[int]]:
     """Return trails as lists of their arcs."""
     return [row[:n].tolist() for row, n in zip(arcs, n_arcs.tolist(), strict=True)]
+
+
+def _walk_of(labels: Labels, label: int) -> list[tuple[int, float, float]]:
+    """Return the links that lead to a label, each with the probability to be alive before it."""
+    found = []
+    while (parent := int(labels.parent[label])) >= 0:
+        found.append((int(labels.link[label]), float(labels.alive[parent]), float(labels.share[label])))
+        label = parent
+    return found[::-1]
 
 
 def completions(lines: BoundLines) -> Completions:

@@ -20,6 +20,7 @@ from botohe_moo.bounds.certificate import Certificate, Facts, Sums
 from botohe_moo.bounds.front_bound import add_stairs, add_two, least_total
 from botohe_moo.bounds.ground import MOST_SUMMED, N_STEPS, Ground, Target
 from botohe_moo.bounds.kernels.trails import Stairs
+from botohe_moo.bounds.net import RelaxedTrail
 from botohe_moo.bounds.prices import Pool, Prices
 from botohe_moo.bounds.programme import Programme
 from botohe_moo.bounds.relaxation import MOST_LINES, BoundLines
@@ -28,8 +29,9 @@ _BINS = 100  # of survival, in the linear programme
 _MOST_SOLVED = 60  # times that the programme is solved for one pool
 _CUT = 1e-6  # by how much a row has to be violated to be added
 _TRAILS_AT_ONCE, _TEAMS_AT_ONCE = 30, 12  # rows that are added before it is solved again
-_MOST_MOVES = 2_000_000  # of a search, for each unit of effort
+_MOST_MOVES = 8_000_000  # of a search, for each unit of effort
 _MOST_PRICES = 12  # that are tried at one place
+_LEAST_GAIN, _MOST_IDLE = 0.05, 2
 _CLOSE = 1e-3  # how near to the programme's value a bound has to come, as a share of it
 _MARGIN = 6  # steps by which a search begins below what it needs
 # The target of a search lies this share of the gap above the programme's value: at first and at
@@ -61,7 +63,7 @@ class StairsProgramme(Programme):
         # Trails lie half a bin above their bin's beginning, on average.
         self._needed = max(0, round(target.x / self._width - (team.n_robots - 1) / 2))
 
-    def solve(self, pool: Pool) -> tuple[float, FloatArray]:
+    def solve(self, pool: Pool, *, relaxed: bool) -> tuple[float, FloatArray]:
         """Return the least bound over known trails, and its prices (n_nodes that pay, ·)."""
         least_bin = self._needed - (self.team.n_robots - 1) * (_BINS - 1)
         trails = pool.trails()
@@ -70,7 +72,7 @@ class StairsProgramme(Programme):
             solution, visits, value = self.run()
             stairs = solution[self._stairs]
             n = self.cut_configurations(visits, solution)
-            over = trails.worth(Prices(visits, 0.0), relaxed=False) - stairs[bins]
+            over = trails.worth(Prices(visits, 0.0), relaxed=relaxed) - stairs[bins]
             over[bins < least_bin] = -np.inf
             known = {*self.rows}
             for i in np.argsort(-over)[:_TRAILS_AT_ONCE].tolist():
@@ -116,6 +118,7 @@ class StairsProver:
 
     def __init__(self, ground: Ground) -> None:
         self._ground = ground
+        self._is_hard = set[int]()
         self._centres: dict[tuple[int, float], FloatArray] = {}  # the best prices at each place
 
     def prove(self, target: Target, certificate: Certificate) -> Facts:
@@ -130,12 +133,13 @@ class StairsProver:
         team, total = ground.team(moving), int(least_total(x, ground.width, moving))
         programme = StairsProgramme(ground, target)
         start = ground.lowest(certificate, moving, x)
-        found: list[Sums] = []
-        best, share, stay = np.inf, _FIRST_SHARE, 1.0
+        found, repeating = list[Sums](), list[RelaxedTrail]()
+        best, share, stay, n_idle = np.inf, _FIRST_SHARE, 1.0, 0
+        relaxed = target.effort in self._is_hard
         centre = self._centres.get((moving, x), start.visits)
         bound = certificate.bound(moving, x)
         for i in range(_MOST_PRICES):
-            least, wanted = programme.solve(ground.pool)
+            least, wanted = programme.solve(ground.pool, relaxed=relaxed)
             least += ground.base_reward
             own = [float(sums.most[total - sums.first]) for sums in found if sums.moving == moving]
             bound = min([bound, *own])
@@ -143,7 +147,7 @@ class StairsProver:
                 break
             visits = centre if stay == 1.0 else team.tidy(stay * centre + (1 - stay) * wanted)
             beside = float(team.most(visits).sum()) + ground.base_reward
-            known = self._known(visits, moving, x)
+            known = self._known(visits, moving, x, relaxed=relaxed)
             teams = self._teams(known, moving, x)
             low = beside + float(teams.max())  # no search can show less
             if low >= bound and i > 0:
@@ -157,14 +161,25 @@ class StairsProver:
             floor = self._lifted(known, teams, moving, goal - beside)
             ahead = ground.look_ahead_around(Prices(visits, start.mu))
             first = self._first_step(moving, x)
-            new, n_found = self._raise(visits, ahead, floor, first, target.effort)
+            given = visits, ahead, floor, first, target.effort
+            new, n_found, again = self._raise(*given, relaxed=relaxed)
+            repeating += again
             if not new:
                 share, stay = _WIDER * share + _FURTHER, _STAY
                 if share > _FURTHEST:
-                    break
+                    if relaxed or found:
+                        break
+                    relaxed, share, stay = True, _FIRST_SHARE, 1.0
+                    self._is_hard.add(target.effort)
                 continue
             found += new
             reached = beside + float(self._teams(floor, moving, x).max())
+            if relaxed and bound - reached < _LEAST_GAIN * (bound - least):
+                n_idle += 1
+                if n_idle == _MOST_IDLE:
+                    break
+            else:
+                n_idle = 0
             if reached < best:
                 best, centre = reached, visits
                 self._centres[moving, x] = visits
@@ -174,7 +189,7 @@ class StairsProver:
                 break
             else:
                 stay, share = 0.0, max(_LEAST_SHARE, share / 2)
-        return Facts(sums=tuple(found))
+        return Facts(sums=tuple(found), repeating=tuple(repeating))
 
     def _prove_one(self, target: Target, certificate: Certificate) -> Facts:
         """Find what one robot collects at most.
@@ -189,8 +204,16 @@ class StairsProver:
         others = others or [ground.lowest(certificate, 1, x)]
         beside = [team.to_all(team.most(other.visits)) for other in others]
         lines = [(ground.look_ahead(other), own) for other, own in zip(others, beside, strict=True)]
-        stairs = ground.known_stairs(visits)
-        return Facts(sums=tuple(self._raise(visits, lines, stairs, x, target.effort)[0]))
+        stairs = ground.known_stairs(visits, relaxed=False)
+        sums, _, repeating = self._raise(visits, lines, stairs, x, target.effort, relaxed=False)
+        if not sums:
+            mus = sorted({other.mu for other in others})
+            ahead = ground.relaxation.look_ahead(ground.spread(visits), mus)
+            none = np.zeros(ground.net.graph.n_nodes)
+            stairs = ground.known_stairs(visits, relaxed=True)
+            lines = [(each, none) for each in ahead]
+            sums, _, repeating = self._raise(visits, lines, stairs, x, target.effort, relaxed=True)
+        return Facts(sums=tuple(sums), repeating=tuple(repeating))
 
     def _first_step(self, moving: int, x: float) -> float:
         """Return the survival from which on trails are searched."""
@@ -198,9 +221,9 @@ class StairsProver:
         n_below = max(_MARGIN, moving + 1)
         return max(0.0, x - n_below * ground.width - (moving - 1) * ground.most_survival)
 
-    def _known(self, visits: FloatArray, moving: int, x: float) -> FloatArray:
+    def _known(self, visits: FloatArray, moving: int, x: float, *, relaxed: bool) -> FloatArray:
         """Return the stairs of known trails that survive as a team needs it (N_STEPS)."""
-        known = self._ground.known_stairs(visits)
+        known = self._ground.known_stairs(visits, relaxed=relaxed)
         first = int(self._first_step(moving, x) / self._ground.width)
         known[:first] = known[min(first, N_STEPS - 1)]
         return known
@@ -230,8 +253,8 @@ class StairsProver:
         return lifted
 
     def _raise(
-        self, visits: FloatArray, lines: BoundLines, floor: FloatArray, least: float, effort: int
-    ) -> tuple[list[Sums], int]:
+        self, visits: FloatArray, lines: BoundLines, floor: FloatArray, least: float, effort: int, *, relaxed: bool
+    ) -> tuple[list[Sums], int, list[RelaxedTrail]]:
         """Raise a floor above all trails that survive with ``least`` or more.
 
         Returns what that proves for each number of robots, nothing if the search did not end, and
@@ -239,7 +262,7 @@ class StairsProver:
         """
         ground, found = self._ground, list[Sums]()
         stairs = Stairs(floor, ground.width, least)
-        ended, n_found = ground.raise_stairs(visits, lines, stairs, _MOST_MOVES * effort)
+        ended, n_found, again = ground.raise_stairs(visits, lines, stairs, effort, relaxed=relaxed)
         most = np.zeros(1)
         for moving in range(1, min(ground.n_robots, MOST_SUMMED) + 1) if ended else ():
             most = add_two(floor, most)
@@ -250,4 +273,4 @@ class StairsProver:
             worth = beside + most[first:]
             scale = ground.relaxation.total + ground.base_reward + worth
             found.append(Sums(moving, first, worth + ground.rounding(moving) * scale))
-        return found, n_found
+        return found, n_found, again

@@ -145,7 +145,7 @@ def new_depths(
 
 
 @inlined
-def _raise(stairs: FloatArray, at: int, value: float) -> None:
+def lift(stairs: FloatArray, at: int, value: float) -> None:
     """Raise a step to a value, and the steps before it."""
     while at >= 0 and stairs[at] < value:
         stairs[at] = value
@@ -153,13 +153,13 @@ def _raise(stairs: FloatArray, at: int, value: float) -> None:
 
 
 @inlined
-def _step_of(survival: float, width: float, n_steps: int) -> int:
+def step_of(survival: float, width: float, n_steps: int) -> int:
     """Return the step that a survival lies on, or the next step where it is on the edge."""
     return min(int(survival / width * (1.0 + _EDGE) + _EDGE), n_steps - 1)
 
 
 @inlined
-def _find_corners(stairs: Stairs, mu: FloatArray, first: int, corners: Corners) -> None:
+def find_corners(stairs: Stairs, mu: FloatArray, first: int, corners: Corners) -> None:
     """Write the corners from the step ``first`` on."""
     n = 0
     for at in range(stairs.heights.shape[0]):
@@ -175,7 +175,7 @@ def _find_corners(stairs: Stairs, mu: FloatArray, first: int, corners: Corners) 
 
 
 @inlined
-def _exceeded(most: FloatArray, mu: FloatArray, corners: Corners, last: int, first: int) -> int:
+def exceeded(most: FloatArray, mu: FloatArray, corners: Corners, last: int, first: int) -> int:
     """Return a corner at a step up to ``last`` that all lines ``most`` − ``mu`` · s exceed, or −1.
 
     The corner ``first`` is looked at first: that which was exceeded the last time often is again.
@@ -373,10 +373,10 @@ def find_trails(
     found, steps, base = depths.found, depths.steps, net.world.team.start[0]
     n_levels, n_lines, n_stairs = prices.shape[1] - 1, ahead.mu.shape[0], heights.shape[0]
     least = max(stairs.least, net.min_survival) * (1.0 - ROUNDING)
-    first, most = _step_of(least, width, n_stairs), np.empty(n_lines)
+    first, most = step_of(least, width, n_stairs), np.empty(n_lines)
     n_corners, needed = np.empty(n_stairs, np.int64), np.empty((n_stairs, n_lines))
     corners = Corners(n_corners, np.empty(n_stairs), np.empty(n_stairs), needed)
-    _find_corners(stairs, ahead.mu, first, corners)
+    find_corners(stairs, ahead.mu, first, corners)
     search, depth, n, latest = _begin(depths, states, ahead), 0, 0, 0
     while depth >= 0:
         last = steps[depth]
@@ -409,11 +409,11 @@ def find_trails(
             value += chord(prices, visit, there / net.reach[visit] * n_levels)
             pays = visit
         if node == base:
-            at = _step_of(alive, width, n_stairs)
+            at = step_of(alive, width, n_stairs)
             if value + mu * alive > heights[at]:
                 if not rule.every:
-                    _raise(heights, at, value + mu * alive + rule.slack)
-                    _find_corners(stairs, ahead.mu, first, corners)
+                    lift(heights, at, value + mu * alive + rule.slack)
+                    find_corners(stairs, ahead.mu, first, corners)
                     n += (n_stairs + depth) // _LINK  # what this takes
                 elif found.n_trails == depths.n_arcs.shape[0]:
                     break
@@ -431,11 +431,11 @@ def find_trails(
                 left -= ahead.beside[line, pays]
             depths.left[depth + 1, line] = left
             most[line] += value + left
-        highest = _step_of(at_home, width, n_stairs)
-        exceeded = _exceeded(most, ahead.mu, corners, highest, latest)
-        if exceeded < 0:
+        highest = step_of(at_home, width, n_stairs)
+        corner = exceeded(most, ahead.mu, corners, highest, latest)
+        if corner < 0:
             continue
-        latest = exceeded
+        latest = corner
         low, high = last.low ^ depths.keys[arc, 0], last.high ^ depths.keys[arc, 1]
         if link < states.first[last.state]:
             # After an excursion, it does not matter which arcs it took.
