@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -13,6 +14,7 @@ from botohe_moo.bounds.deadline import Deadline
 from botohe_moo.bounds.front_bound import Line, LineProof, stairs_of
 from botohe_moo.bounds.kernels.states import Net
 from botohe_moo.bounds.kernels.trails import Stairs
+from botohe_moo.bounds.labels import LabelStairs
 from botohe_moo.bounds.net import RelaxedTrail
 from botohe_moo.bounds.prices import Pool, PricedTeam, Prices, refine
 from botohe_moo.bounds.relaxation import LEVELS, Ahead, BoundLines, Relaxation
@@ -28,8 +30,7 @@ MOST_SUMMED = 20  # robots: sums of stairs take time that grows with the square 
 # the line; and what that is at least, in shares of all reward.
 _MU_SHARES = (0.3, 1.0)
 _LEAST_MU = 0.01
-_MOST_MOVES = 2_000_000
-_MOST_LABELS = 8_000_000
+_MOST_MOVES = 2_000_000  # of a search that raises stairs, for each unit of effort
 _EPSILON = float(np.finfo(float).eps)
 
 
@@ -45,6 +46,14 @@ class Target(NamedTuple):
     effort: int = 1
 
 
+class Raised(NamedTuple):
+    """What has come of raising stairs."""
+
+    ended: bool
+    n_new: int  # how many trails were found that were not known
+    repeating: list[RelaxedTrail]  # those that repeat something
+
+
 class Ground:
     """What all provers share: the mission's arrays, its relaxed trails, known trails, the deadline.
 
@@ -58,9 +67,11 @@ class Ground:
         n_robots: int,
         base_reward: float,
         unit: float,
+        labels: LabelStairs,
         deadline: Deadline,
     ) -> None:
         self.net, self.relaxation, self.pool = relaxation.net, relaxation, pool
+        self.labels = labels
         self.n_robots, self.base_reward, self.deadline = n_robots, base_reward, deadline
         self.unit = unit  # of rewards here, in those of the mission
         self.most_survival = most_survival(self.net)
@@ -130,10 +141,12 @@ class Ground:
     def look_ahead_around(self, prices: Prices) -> BoundLines:
         """Bound all trails under prices of visits, and several prices of survival up to ``mu``."""
         mu = max(prices.mu, _LEAST_MU * self.relaxation.total)
+        return self.look_ahead_with(prices.visits, [share * mu for share in _MU_SHARES])
+
+    def look_ahead_with(self, visits: FloatArray, mus: Sequence[float]) -> BoundLines:
+        """Bound all trails under prices of visits, and several prices of survival."""
         none = np.zeros(self.net.graph.n_nodes)
-        mus = [share * mu for share in _MU_SHARES]
-        ahead = self.relaxation.look_ahead(self.spread(prices.visits), mus)
-        return [(each, none) for each in ahead]
+        return [(each, none) for each in self.relaxation.look_ahead(self.spread(visits), mus)]
 
     def known_stairs(self, visits: FloatArray, *, relaxed: bool) -> FloatArray:
         """Return the stairs of known trails (N_STEPS), without anything for their survival."""
@@ -143,23 +156,17 @@ class Ground:
 
     def raise_stairs(
         self, visits: FloatArray, ahead: BoundLines, stairs: Stairs, effort: int, *, relaxed: bool
-    ) -> tuple[bool, int, list[RelaxedTrail]]:
-        """Raise stairs above all trails, or all relaxed trails.
-
-        Returns whether that ended, how many new trails were found, and those that repeat something.
-        """
-        prices = self.spread(visits)
+    ) -> Raised:
+        """Raise stairs above all trails, by a search, or above all relaxed ones, by labels."""
+        prices, pool = self.spread(visits), self.pool
         if not relaxed:
-            ended, found = self.relaxation.raise_above_trails(prices, ahead, stairs, _MOST_MOVES * effort)
-            return ended, sum(self.pool.add(arcs)[1] for arcs in found), []
-        ended, trails = self.relaxation.raise_above_relaxed(prices, ahead, stairs, _MOST_LABELS * effort, effort)
-        n_new, repeating = 0, []
-        for trail in trails:
-            number, is_new = self.pool.add(*trail)
-            n_new += is_new
-            if self.pool.relaxed(number) is not None:
-                repeating.append(trail)
-        return ended, n_new, repeating
+            n_most = _MOST_MOVES * effort
+            ended, trails = self.relaxation.raise_stairs(prices, ahead, stairs, n_most)
+            return Raised(ended, sum(pool.add(arcs)[1] for arcs in trails), [])
+        ended, found = self.labels.raise_above(prices, ahead, stairs, effort)
+        added = [pool.add(*trail) for trail in found]
+        repeating = [pool.relaxed(number) for number, _ in added]
+        return Raised(ended, sum(is_new for _, is_new in added), [*filter(None, repeating)])
 
 
 def most_survival(net: Net) -> float:

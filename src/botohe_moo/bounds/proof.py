@@ -16,6 +16,7 @@ from botohe_moo.bounds.deadline import Deadline
 from botohe_moo.bounds.front_bound import FrontBound, Step
 from botohe_moo.bounds.ground import Ground
 from botohe_moo.bounds.kernels.states import ROUNDING
+from botohe_moo.bounds.labels import BYTES_A_LABEL, MOST_LABELS, LabelStairs
 from botohe_moo.bounds.net import MOST_SLOPES, arcs_by_ends, new_net
 from botohe_moo.bounds.prices import Pool, most_levels
 from botohe_moo.bounds.relaxation import LEVELS, MOST_BITS, Relaxation
@@ -36,6 +37,7 @@ _EVALUATIONS = 100_000  # plans that the search for trails evaluates at most
 _LEAST_LEVELS, _MOST_LEVELS = 4, 12  # of prices
 _MOST_PRICES = 400  # of the linear programme
 _MOST_CONFIGURATIONS = 6_000  # of a team's levels, all of which are looked at for each node
+_LABELS_SHARE = 0.2  # of the memory
 _BYTES_A_LINK = 40.0  # two integers of 8 bytes, a flag and a figure, and some while they are found
 _MIB = 2**20
 NOTE = "Robots are bounded as if each were the best of all kinds, and rewards counted on arrival."
@@ -82,10 +84,13 @@ class Proof:
         if len(net.pieces.of_option) > 0:
             per_state *= MOST_SLOPES
         per_state += _BYTES_A_LINK * max(1.0, net.graph.n_arcs / net.graph.n_nodes)
-        fits = int(self._memory / per_state / self._n_threads)
+        a_thread = self._memory / self._n_threads
+        n_labels = int(min(MOST_LABELS, _LABELS_SHARE * a_thread / BYTES_A_LABEL))
+        fits = int((1.0 - _LABELS_SHARE) * a_thread / per_state)
         relaxation = Relaxation(net, n_bits, self._random_state, self.deadline, fits)
+        labels = LabelStairs(net, n_labels, relaxation.most_states, self.deadline)
         given = relaxation, Pool(net, n_levels), self._mission.robots, self._base_reward
-        return Ground(*given, self.unit, self.deadline)
+        return Ground(*given, self.unit, labels, self.deadline)
 
     def find_front(self) -> bool:
         """Take the true front as the bound; return whether a share of the time sufficed for it."""

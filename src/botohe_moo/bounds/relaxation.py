@@ -10,14 +10,6 @@ import numpy as np
 
 from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.bounds.deadline import SECONDS_A_MOVE, Deadline
-from botohe_moo.bounds.kernels.labels import (
-    LabelRule,
-    Labels,
-    new_frontiers,
-    new_labels,
-    raise_by_labels,
-    settle_excursion,
-)
 from botohe_moo.bounds.kernels.relaxed import Rule, Tables, Worth, follow, look_ahead
 from botohe_moo.bounds.kernels.states import Net, States, find_states
 from botohe_moo.bounds.kernels.trails import (
@@ -29,7 +21,7 @@ from botohe_moo.bounds.kernels.trails import (
 )
 from botohe_moo.bounds.net import MOST_SLOPES, RelaxedTrail, Remembered
 
-_SLACK = 1e-9  # in shares of all reward: stairs are raised by as much more, to skip equal trails
+SLACK = 1e-9  # in shares of all reward: stairs are raised by as much more, to skip equal trails
 _EPSILON = float(np.finfo(float).eps)
 _TOLERANCE = 1e-9  # in shares of all reward: values are raised only where they rise by more
 _SECONDS_A_VALUE = 8e-8  # that lies ahead
@@ -37,6 +29,7 @@ _MOST_TRAIL = 400  # links of a relaxed trail that are looked at
 # Steps at which a relaxed trail takes the second best link, to find others; −1 for none.
 _TURNS = (-1, 0, 1, 2, 4, 7, 11)
 _STEEPEST = 20.0  # of the slopes of hulls, in shares of all reward
+_NOTHING = 1e-12  # what a visit is worth that does not pay
 _ENOUGH = 1e-4  # of all reward: how far hulls may lie above what is true, nearly
 MOST_BITS = 14  # that a node remembers at most
 _FIRST_STATES = 15_000  # of relaxed trails at first
@@ -44,11 +37,6 @@ _MOST_STATES = 40_000  # of relaxed trails that have learned what to remember
 _N_SEEN = 1 << 18  # sets of arcs that a depth-first search recognises when it meets them again
 # When relaxed trails remember more, there are at most so many states, or so many times as many.
 _FREE_STATES, _GROWTH = 4_000, 1.5
-_MOST_LABELS = 1 << 20
-SECONDS_A_LABEL = 1e-7
-_LOSS = 2e-5  # of all reward: how far labels may be from what is true
-_MOST_ENDS = 16
-_FINE = 0.02
 _MOST_FOUND = 50_000  # trails that a search returns
 _MOST_FOUND_ARCS = 1 << 22  # room for the arcs of all these trails
 LEVELS = 24  # of probabilities to be alive, or up to twice as many
@@ -91,7 +79,7 @@ class Relaxation:
     ) -> None:
         self.net, self._deadline = net, deadline
         n_nodes = net.graph.n_nodes
-        self._most_states = max(n_nodes + 1, min(_MOST_STATES, fits))
+        self.most_states = max(n_nodes + 1, min(_MOST_STATES, fits))
         # Whether there was too little memory to learn more.
         self.is_full = False
         self.total = float(net.graph.reward.sum())
@@ -101,9 +89,8 @@ class Relaxation:
             new_depths, net, random_state, _N_SEEN, n_room, MOST_LINES, 2 * LEVELS
         )
         self._depths = [self._new_depths()]
-        self._labels: list[Labels] = []
         self._remembered = Remembered(net, n_bits)
-        while not self._find_states(min(max(n_nodes + 1, _FIRST_STATES), self._most_states)):
+        while not self._find_states(min(max(n_nodes + 1, _FIRST_STATES), self.most_states)):
             n_bits -= 1
             self._remembered = Remembered(net, n_bits)
 
@@ -150,17 +137,15 @@ class Relaxation:
 
         Of long ones only the first steps are returned, and some do not come home.
         """
-        net, n_levels = self.net, ahead.values.shape[1] - 1
+        net = self.net
         found: list[RelaxedTrail] = []
         arcs, paid = np.empty(_MOST_TRAIL, np.int64), np.empty(_MOST_TRAIL, np.int64)
         for turn in _TURNS:
             given = net, ahead.states, ahead.worth, ahead.tables, ahead.values
             n, _ = follow(*given, turn, arcs, paid)
             if n > max(turn, 0):
-                heads, alive = net.graph.head[arcs[:n]], net.graph.survival[arcs[:n]].cumprod()
-                high = np.minimum((alive / net.reach[heads] * n_levels).astype(int) + 1, n_levels)
-                is_worth = (paid[:n] > 0) & (ahead.worth.prices[heads, high] > 1e-12)
-                found.append(RelaxedTrail(arcs[:n].tolist(), is_worth.tolist()))
+                trail = arcs[:n].tolist(), paid[:n].tolist()
+                found.append(paying(net, ahead.worth.prices, *trail))
         return found
 
     def search(self, ahead: Ahead, least: float, n_most: int) -> tuple[bool, float, list[int]]:
@@ -176,73 +161,14 @@ class Relaxation:
         last = _as_lists(arcs[-1:], n_arcs[-1:])
         return ended, float(stairs.heights[0]) + ahead.spare, last[0] if last else []
 
-    def raise_above_trails(
+    def raise_stairs(
         self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int
     ) -> tuple[bool, list[list[int]]]:
         """Raise stairs above all trails; return whether the search has ended, and trails found."""
-        rule = TrailRule(every=False, slack=_SLACK * self.total, n_most=n_most)
+        rule = TrailRule(every=False, slack=SLACK * self.total, n_most=n_most)
         ended, *found = self._search(Worth(prices, mu=0.0), lines, stairs, rule)
         stairs.heights[:] += max(ahead.spare for ahead, _ in lines)
         return ended, _as_lists(*found)
-
-    def raise_above_relaxed(
-        self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int, effort: int
-    ) -> tuple[bool, list[RelaxedTrail]]:
-        """Raise stairs above all relaxed trails.
-
-        Returns whether that has ended, and relaxed trails that have raised them.
-        """
-        net, states = self.net, lines[0][0].states
-        try:
-            labels = self._labels.pop()
-        except IndexError:
-            labels = new_labels(_MOST_LABELS, self._most_states)
-        loss = _LOSS * self.total
-        cap = float(prices[:, -1].sum()) * (1.0 + 1e-12)
-        n_most = int(min(n_most, self._deadline.left / SECONDS_A_LABEL))
-        rule = LabelRule(loss / (2 * net.graph.n_arcs), cap, _SLACK * self.total, n_most, _FINE / effort)
-        frontiers = new_frontiers(net, prices.shape[1] - 1)
-        given = net, states, Worth(prices, mu=0.0), completions(lines), stairs, rule, frontiers, labels
-        try:
-            n = raise_by_labels(*given)
-            self._deadline.work += SECONDS_A_LABEL * abs(n)
-            if n < 0:
-                return False, []
-            stairs.heights[:] += 2 * max(ahead.spare for ahead, _ in lines) + loss
-            ends = labels.ends[1 : 1 + labels.ends[0]].tolist()
-            chosen = ends[:: -(-len(ends) // _MOST_ENDS) or 1]
-            walks = [_walk_of(labels, end) for end in chosen]
-            return True, [self._expanded(given, walk, 1.0) for walk in walks]
-        finally:
-            self._labels.append(labels)
-
-    def _expanded(self, given, walk, alive) -> RelaxedTrail:
-        """Return the relaxed trail of a walk through states."""
-        net, states, frontiers, labels = given[0], given[1], given[-2], given[-1]
-        graph, pieces = net.graph, net.pieces
-        arcs, paid = [], []
-        for link, here, share in walk:
-            move = int(states.move[link])
-            if move < graph.n_arcs:
-                arcs.append(move)
-                paid.append(bool(states.pays[link]))
-                continue
-            child = int(pieces.of_option[move - graph.n_arcs])
-            arc, back = int(pieces.arc[child]), int(pieces.back[child])
-            arcs.append(arc)
-            paid.append(bool(graph.reward[graph.head[arc]] > 0.0))
-            if pieces.first_option[child + 1] - pieces.first_option[child] > 1:
-                out = here * graph.survival[arc]
-                settle_excursion(*given, child, out)
-                ends = labels.ends[1 : 1 + labels.ends[0]]
-                back_share = labels.alive[ends] * graph.survival[back] / here
-                end = int(ends[max(0, np.searchsorted(-back_share, -share * (1 - 1e-9), "right") - 1)])
-                inner = self._expanded(given, _walk_of(labels, end), out)
-                arcs += inner.arcs
-                paid += inner.paid
-            arcs.append(back)
-            paid.append(False)
-        return RelaxedTrail(arcs, paid)
 
     def find_all(
         self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int
@@ -251,7 +177,7 @@ class Relaxation:
 
         Returns their arcs (n, n_arcs), and how many they are (n); None where they are too many.
         """
-        spare = max(ahead.spare for ahead, _ in lines) + _SLACK * self.total
+        spare = max(ahead.spare for ahead, _ in lines) + SLACK * self.total
         lowered = stairs._replace(heights=stairs.heights - spare)
         rule = TrailRule(every=True, slack=0.0, n_most=n_most)
         ended, arcs, n_arcs = self._search(Worth(prices, mu=0.0), lines, lowered, rule)
@@ -287,14 +213,14 @@ class Relaxation:
         What the first trails do comes first.
         """
         before = self._remembered.bits
-        n_most = min(self._most_states, max(_FREE_STATES, int(_GROWTH * len(self.states.node)) + 1))
+        n_most = min(self.most_states, max(_FREE_STATES, int(_GROWTH * len(self.states.node)) + 1))
         twice = [each for trail in trails for each in self._remembered.forgets(trail)]
         while twice:
             if self._remembered.add(twice, MOST_BITS) and self._find_states(n_most):
                 return True
             self._remembered.bits = before
             twice = twice[: len(twice) // 2]
-        self.is_full = n_most == self._most_states < _MOST_STATES
+        self.is_full = n_most == self.most_states < _MOST_STATES
         return False
 
     def allows(self, trail: RelaxedTrail) -> bool:
@@ -323,13 +249,13 @@ def _as_lists(arcs: OffsetArray, n_arcs: OffsetArray) -> list[list[int]]:
     return [row[:n].tolist() for row, n in zip(arcs, n_arcs.tolist(), strict=True)]
 
 
-def _walk_of(labels: Labels, label: int) -> list[tuple[int, float, float]]:
-    """Return the links that lead to a label, each with the probability to be alive before it."""
-    found = []
-    while (parent := int(labels.parent[label])) >= 0:
-        found.append((int(labels.link[label]), float(labels.alive[parent]), float(labels.share[label])))
-        label = parent
-    return found[::-1]
+def paying(net: Net, prices: FloatArray, arcs: list[int], paid: list[bool]) -> RelaxedTrail:
+    """Return a relaxed trail in which visits that are worth nothing under prices do not pay."""
+    n_levels, heads = prices.shape[1] - 1, net.graph.head[arcs]
+    alive = net.graph.survival[arcs].cumprod()
+    high = np.minimum((alive / net.reach[heads] * n_levels).astype(int) + 1, n_levels)
+    is_worth = np.array(paid, bool) & (prices[heads, high] > _NOTHING)
+    return RelaxedTrail(list(arcs), is_worth.tolist())
 
 
 def completions(lines: BoundLines) -> Completions:

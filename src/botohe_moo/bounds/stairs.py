@@ -23,14 +23,14 @@ from botohe_moo.bounds.kernels.trails import Stairs
 from botohe_moo.bounds.net import RelaxedTrail
 from botohe_moo.bounds.prices import Pool, Prices
 from botohe_moo.bounds.programme import Programme
-from botohe_moo.bounds.relaxation import MOST_LINES, BoundLines
+from botohe_moo.bounds.relaxation import MOST_LINES
 
 _BINS = 100  # of survival, in the linear programme
 _MOST_SOLVED = 60  # times that the programme is solved for one pool
 _CUT = 1e-6  # by how much a row has to be violated to be added
 _TRAILS_AT_ONCE, _TEAMS_AT_ONCE = 30, 12  # rows that are added before it is solved again
-_MOST_MOVES = 8_000_000  # of a search, for each unit of effort
 _MOST_PRICES = 12  # that are tried at one place
+# Prices are tried until so many, one after another, have closed less than this share of the gap.
 _LEAST_GAIN, _MOST_IDLE = 0.05, 2
 _CLOSE = 1e-3  # how near to the programme's value a bound has to come, as a share of it
 _MARGIN = 6  # steps by which a search begins below what it needs
@@ -114,28 +114,36 @@ class StairsProgramme(Programme):
 
 
 class StairsProver:
-    """Proves sums of stairs."""
+    """Proves sums of stairs: above all trails, or above all relaxed ones where that takes long."""
 
     def __init__(self, ground: Ground) -> None:
         self._ground = ground
-        self._is_hard = set[int]()
         self._centres: dict[tuple[int, float], FloatArray] = {}  # the best prices at each place
+        # For one robot and for several, the efforts with which no search has ended somewhere.
+        self._too_little: set[tuple[bool, int]] = set()
 
     def prove(self, target: Target, certificate: Certificate) -> Facts:
-        """Prove sums for a target.
+        """Prove sums for a target."""
+        descend = self._prove_one if target.moving == 1 else self._descend
+        kind = target.moving == 1, target.effort
+        if kind not in self._too_little:
+            facts = descend(target, certificate, relaxed=False)
+            if facts.is_proved:
+                return facts
+            self._too_little.add(kind)
+        return descend(target, certificate, relaxed=True)
 
-        Prices lie between the best ones known and those of the programme. Each search for trails is
-        given a goal between the programme's value and the bound.
+    def _descend(self, target: Target, certificate: Certificate, *, relaxed: bool) -> Facts:
+        """Step from the best prices to those of the programme.
+
+        Each time stairs are given a goal between the programme's value and the bound.
         """
         ground, moving, x = self._ground, target.moving, target.x
-        if moving == 1:
-            return self._prove_one(target, certificate)
         team, total = ground.team(moving), int(least_total(x, ground.width, moving))
         programme = StairsProgramme(ground, target)
         start = ground.lowest(certificate, moving, x)
-        found, repeating = list[Sums](), list[RelaxedTrail]()
-        best, share, stay, n_idle = np.inf, _FIRST_SHARE, 1.0, 0
-        relaxed = target.effort in self._is_hard
+        found, repeating, n_idle = list[Sums](), list[RelaxedTrail](), 0
+        best, share, stay = np.inf, _FIRST_SHARE, 1.0
         centre = self._centres.get((moving, x), start.visits)
         bound = certificate.bound(moving, x)
         for i in range(_MOST_PRICES):
@@ -149,7 +157,7 @@ class StairsProver:
             beside = float(team.most(visits).sum()) + ground.base_reward
             known = self._known(visits, moving, x, relaxed=relaxed)
             teams = self._teams(known, moving, x)
-            low = beside + float(teams.max())  # no search can show less
+            low = beside + float(teams.max())  # nothing less can be shown
             if low >= bound and i > 0:
                 if stay == 0.0:
                     break
@@ -160,30 +168,23 @@ class StairsProver:
                 goal = low + _BEYOND * abs(bound - low)
             floor = self._lifted(known, teams, moving, goal - beside)
             ahead = ground.look_ahead_around(Prices(visits, start.mu))
-            first = self._first_step(moving, x)
-            given = visits, ahead, floor, first, target.effort
-            new, n_found, again = self._raise(*given, relaxed=relaxed)
-            repeating += again
-            if not new:
+            stairs = Stairs(floor, ground.width, self._first_step(moving, x))
+            raised = ground.raise_stairs(visits, ahead, stairs, target.effort, relaxed=relaxed)
+            repeating += raised.repeating
+            if not raised.ended:
                 share, stay = _WIDER * share + _FURTHER, _STAY
                 if share > _FURTHEST:
-                    if relaxed or found:
-                        break
-                    relaxed, share, stay = True, _FIRST_SHARE, 1.0
-                    self._is_hard.add(target.effort)
+                    return Facts(sums=tuple(found), is_proved=bool(found))
                 continue
-            found += new
+            found += self._sums(visits, stairs)
             reached = beside + float(self._teams(floor, moving, x).max())
-            if relaxed and bound - reached < _LEAST_GAIN * (bound - least):
-                n_idle += 1
-                if n_idle == _MOST_IDLE:
-                    break
-            else:
-                n_idle = 0
+            n_idle = 0 if bound - reached >= _LEAST_GAIN * (bound - least) else n_idle + 1
+            if relaxed and n_idle == _MOST_IDLE:
+                break
             if reached < best:
                 best, centre = reached, visits
                 self._centres[moving, x] = visits
-            if n_found:
+            if raised.n_new:
                 stay = _STAY
             elif share <= _LEAST_SHARE and stay == 0.0:
                 break
@@ -191,29 +192,28 @@ class StairsProver:
                 stay, share = 0.0, max(_LEAST_SHARE, share / 2)
         return Facts(sums=tuple(found), repeating=tuple(repeating))
 
-    def _prove_one(self, target: Target, certificate: Certificate) -> Facts:
+    def _prove_one(self, target: Target, certificate: Certificate, *, relaxed: bool) -> Facts:
         """Find what one robot collects at most.
 
-        Its prices are the rewards, so that nodes give nothing beside them. What lies ahead is
-        bounded by several lines, and what rewards exceed their prices by.
+        Its prices are the rewards, so that nodes give nothing beside them. What lies ahead of
+        trails is bounded by several lines, and what rewards exceed their prices by at nodes not
+        yet visited. Labels do not know these, and are bounded under the rewards themselves.
         """
         ground, x = self._ground, target.x
         team = ground.team(1)
         visits = team.reward[:, None] * team.alive
         others = certificate.lowest(1, x, ground.most_survival, MOST_LINES)
         others = others or [ground.lowest(certificate, 1, x)]
-        beside = [team.to_all(team.most(other.visits)) for other in others]
-        lines = [(ground.look_ahead(other), own) for other, own in zip(others, beside, strict=True)]
-        stairs = ground.known_stairs(visits, relaxed=False)
-        sums, _, repeating = self._raise(visits, lines, stairs, x, target.effort, relaxed=False)
-        if not sums:
-            mus = sorted({other.mu for other in others})
-            ahead = ground.relaxation.look_ahead(ground.spread(visits), mus)
-            none = np.zeros(ground.net.graph.n_nodes)
-            stairs = ground.known_stairs(visits, relaxed=True)
-            lines = [(each, none) for each in ahead]
-            sums, _, repeating = self._raise(visits, lines, stairs, x, target.effort, relaxed=True)
-        return Facts(sums=tuple(sums), repeating=tuple(repeating))
+        if relaxed:
+            lines = ground.look_ahead_with(visits, sorted({other.mu for other in others}))
+        else:
+            beside = [team.to_all(team.most(other.visits)) for other in others]
+            each = map(ground.look_ahead, others)
+            lines = list(zip(each, beside, strict=True))
+        stairs = Stairs(ground.known_stairs(visits, relaxed=relaxed), ground.width, x)
+        raised = ground.raise_stairs(visits, lines, stairs, target.effort, relaxed=relaxed)
+        sums = self._sums(visits, stairs) if raised.ended else []
+        return Facts(sums=tuple(sums), repeating=tuple(raised.repeating), is_proved=raised.ended)
 
     def _first_step(self, moving: int, x: float) -> float:
         """Return the survival from which on trails are searched."""
@@ -252,25 +252,20 @@ class StairsProver:
         lifted: FloatArray = np.minimum.accumulate(stairs + room)
         return lifted
 
-    def _raise(
-        self, visits: FloatArray, lines: BoundLines, floor: FloatArray, least: float, effort: int, *, relaxed: bool
-    ) -> tuple[list[Sums], int, list[RelaxedTrail]]:
-        """Raise a floor above all trails that survive with ``least`` or more.
+    def _sums(self, visits: FloatArray, stairs: Stairs) -> list[Sums]:
+        """Return what stairs above all trails prove for each number of robots.
 
-        Returns what that proves for each number of robots, nothing if the search did not end, and
-        how many trails were found. Sums are raised for rounding as steps are.
+        They are above those trails that survive with ``stairs.least`` or more. Sums are raised for
+        rounding as steps are.
         """
-        ground, found = self._ground, list[Sums]()
-        stairs = Stairs(floor, ground.width, least)
-        ended, n_found, again = ground.raise_stairs(visits, lines, stairs, effort, relaxed=relaxed)
-        most = np.zeros(1)
-        for moving in range(1, min(ground.n_robots, MOST_SUMMED) + 1) if ended else ():
-            most = add_two(floor, most)
+        ground, found, most = self._ground, list[Sums](), np.zeros(1)
+        for moving in range(1, min(ground.n_robots, MOST_SUMMED) + 1):
+            most = add_two(stairs.heights, most)
             # Where teams survive with so much, each of their robots survives with ``least``.
-            x = least + (moving - 1) * ground.most_survival
-            first = 0 if least == 0.0 else int(x / ground.width * (1 + 1e-9)) + 1
+            x = stairs.least + (moving - 1) * ground.most_survival
+            first = 0 if stairs.least == 0.0 else int(x / ground.width * (1 + 1e-9)) + 1
             beside = ground.base_reward + float(ground.team(moving).most(visits).sum())
             worth = beside + most[first:]
             scale = ground.relaxation.total + ground.base_reward + worth
             found.append(Sums(moving, first, worth + ground.rounding(moving) * scale))
-        return found, n_found, again
+        return found

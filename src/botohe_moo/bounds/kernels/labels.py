@@ -1,16 +1,15 @@
 """Stairs above all relaxed trails, by labels in order of descending survival.
 
 A label is the beginning of a relaxed trail: its state, the probability s to be alive there, and
-what it is worth. Prices rise with s, and what can follow does not depend on the past. So a label is
-extended only if it is worth more than all labels of its state that came before, with s as high or
-higher: this is label setting for shortest paths with a resource (Desrochers and Soumis, "A
-generalized permanent labelling algorithm for the shortest path problem with time windows", INFOR
-26(3), 1988).
+what it is worth so far. What can follow does not depend on the past, and is worth the more the
+higher s is. So a label is extended only if it is worth more than all labels of its state before it,
+whose s was as high or higher: Desrochers and Soumis, "A generalized permanent labelling algorithm
+for the shortest path problem with time windows", INFOR 26(3), 1988.
 
-An excursion that begins at a level of its gate is worth at most ``paid`` and comes back with at
-most a ``share`` of the probability to be alive, for one of the corners of a frontier. The worth of
-one excursion is convex in that probability: between two levels, the chord of what two frontiers say
-of the same share bounds it.
+An excursion that begins alive with probability p comes back with a share of p, and is worth a
+convex function of p. For each level of the gate, the frontier of a piece lists what excursions are
+worth at most that come back with a share or more. Between two levels, the chord of what two
+frontiers say about the same share bounds the worth.
 """
 
 from typing import NamedTuple
@@ -18,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from botohe_moo.base.types import FloatArray, IntArray, OffsetArray
-from botohe_moo.bounds.kernels.relaxed import Worth, chord
+from botohe_moo.bounds.kernels.relaxed import chord
 from botohe_moo.bounds.kernels.states import ROUNDING, Net, States
 from botohe_moo.bounds.kernels.trails import (
     Completions,
@@ -29,67 +28,77 @@ from botohe_moo.bounds.kernels.trails import (
     lift,
     step_of,
 )
-from botohe_moo.core.compile import helper, inlined, kernel
+from botohe_moo.core.compile import array_maker, helper, inlined, kernel
 
 _MOST_CORNERS = 256  # of a frontier
-_WORSE = 1.0
+_COARSER = 1.5  # how much more is taken together where a frontier has too many corners
+_STEPS_A_LABEL = 16  # of stairs, that are looked at in the time that a label takes
 
 
 class Frontiers(NamedTuple):
     """What excursions into each piece are worth, for each level of its gate."""
 
     n: OffsetArray  # corners (n_pieces, n_levels + 1)
-    # By descending share and ascending worth (n_pieces, n_levels + 1, K).
+    # Of each corner the share of the probability that comes back, which falls, and the worth, which
+    # rises (n_pieces, n_levels + 1, K).
     share: FloatArray
-    paid: FloatArray
+    worth: FloatArray
 
 
 class Labels(NamedTuple):
-    """The labels of a piece, in the order in which they were found, and scratch."""
+    """Labels of a piece in the order in which they were found, and scratch."""
 
     alive: FloatArray  # (n_room)
     worth: FloatArray  # (n_room)
     state: IntArray  # (n_room)
-    parent: IntArray  # the label before (n_room)
-    # The link from there, and for an excursion the share that comes back (n_room).
-    link: IntArray
-    share: FloatArray
-    heap: IntArray  # labels to extend, the one with the highest ``alive`` first (n_room)
+    parent: IntArray  # the label that was extended, −1 for the first one (n_room)
+    link: IntArray  # from the parent's state (n_room)
+    share: FloatArray  # of the parent's ``alive`` that is left (n_room)
+    heap: IntArray  # labels to extend, that with the highest ``alive`` first (n_room)
     best: FloatArray  # the most that an extended label of each state is worth (n_states)
-    # Labels at the piece's entry, each worth more than those before it: their number is first.
-    ends: OffsetArray  # (1 + n_room)
+    # How many labels come home, or to the piece's entry, each worth more than those before it; and
+    # then these (1 + n_room).
+    ends: OffsetArray
+    wide: FloatArray  # by how much less than an end another may be worth that it stands for
+    # What a link leads to: shares, and what is collected ((2, 2 K)).
+    outcomes: FloatArray
 
 
 class LabelRule(NamedTuple):
     """How labels are extended."""
 
-    tolerance: float  # labels have to be worth more by this
+    tolerance: float  # by how much a label has to be worth more than those before it
     cap: float  # what no label is worth more than
     slack: float  # stairs are raised by as much more, to skip equal trails
-    n_most: int  # labels to try at most
+    # Excursions stand for others that are worth as much, up to this share of what a trail above the
+    # stairs can be worse than the best.
     fine: float
+    n_most: int  # outcomes of links to look at
+
+
+class _Goal(NamedTuple):
+    """What labels of the base's piece have to exceed."""
+
+    ahead: Completions
+    stairs: Stairs
+    corners: Corners
+    most: FloatArray  # scratch (n_lines)
+    least: float  # survival that trails need, rounded down
 
 
 def new_labels(n_room: int, n_states: int) -> Labels:
-    """Return room for labels."""
-    floats, integers = (lambda: np.empty(n_room)), (lambda: np.empty(n_room, np.int32))
-    return Labels(
-        alive=floats(),
-        worth=floats(),
-        state=integers(),
-        parent=integers(),
-        link=integers(),
-        share=floats(),
-        heap=integers(),
-        best=np.empty(n_states),
-        ends=np.empty(n_room + 1, np.int64),
-    )
+    """Return room for ``n_room`` labels."""
+    alive, worth, share, wide = (np.empty(n_room) for _ in range(4))
+    state, parent, link, heap = (np.empty(n_room, np.int32) for _ in range(4))
+    best, ends = np.empty(n_states), np.empty(n_room + 1, np.int64)
+    outcomes = np.empty((2, 2 * _MOST_CORNERS))
+    return Labels(alive, worth, state, parent, link, share, heap, best, ends, wide, outcomes)
 
 
 def new_frontiers(net: Net, n_levels: int) -> Frontiers:
-    """Return frontiers without corners."""
+    """Return frontiers without corners; there is room for one where all pieces are single nodes."""
     shape = len(net.pieces.entry), n_levels + 1
-    n_corners = _MOST_CORNERS if len(net.pieces.of_option) > shape[0] - 1 else 1
+    n_corners = _MOST_CORNERS if len(net.pieces.of_option) >= len(net.pieces.entry) else 1
     return Frontiers(np.zeros(shape, np.int64), *np.zeros((2, *shape, n_corners)))
 
 
@@ -109,8 +118,8 @@ def _push(labels: Labels, n: int, label: int) -> None:
 @inlined
 def _pop(labels: Labels, n: int) -> int:
     """Take the first label from a heap of ``n``."""
-    heap, alive = labels.heap, labels.alive
-    first, last, at = heap[0], heap[n - 1], 0
+    heap, alive, at = labels.heap, labels.alive, 0
+    first, last = heap[0], heap[n - 1]
     while 2 * at + 1 < n - 1:
         below = 2 * at + 1
         if below + 1 < n - 1 and alive[heap[below + 1]] > alive[heap[below]]:
@@ -123,6 +132,78 @@ def _pop(labels: Labels, n: int) -> int:
     return int(first)
 
 
+@array_maker
+def _new_goal(net: Net, ahead: Completions, stairs: Stairs) -> _Goal:
+    """Return the goal of stairs as they are."""
+    n_stairs, n_lines = stairs.heights.shape[0], ahead.mu.shape[0]
+    n, needed = np.empty(n_stairs, np.int64), np.empty((n_stairs, n_lines))
+    corners = Corners(n, np.empty(n_stairs), np.empty(n_stairs), needed)
+    least = max(stairs.least, net.min_survival) * (1.0 - ROUNDING)
+    find_corners(stairs, ahead.mu, step_of(least, stairs.width, n_stairs), corners)
+    return _Goal(ahead, stairs, corners, np.empty(n_lines), least)
+
+
+@inlined
+def _level_at(net: Net, node: int, alive: float, n_levels: int) -> float:
+    """Return the level of a probability to be alive at a node."""
+    return float(min(alive / net.reach[node] * n_levels, n_levels * 1.0))
+
+
+@inlined
+def _find_outcomes(
+    net: Net,
+    states: States,
+    prices: FloatArray,
+    frontiers: Frontiers,
+    alive: float,
+    link: int,
+    outcomes: FloatArray,
+) -> int:
+    """Write what a link leads to; return how many outcomes there are."""
+    graph, pieces, n_levels = net.world.graph, net.pieces, prices.shape[1] - 1
+    move, n_arcs = states.move[link], graph.head.shape[0]
+    if move < n_arcs:
+        head, outcomes[0, 0], outcomes[1, 0] = graph.head[move], graph.survival[move], 0.0
+        if states.pays[link]:
+            level = _level_at(net, head, alive * graph.survival[move], n_levels)
+            outcomes[1, 0] = chord(prices, head, level)
+        return 1
+    child = pieces.of_option[move - n_arcs]
+    if move > n_arcs + pieces.first_option[child]:
+        return 0  # the first option stands for all excursions
+    level = _level_at(net, pieces.gate[child], alive, n_levels)
+    low = min(int(level), n_levels - 1)
+    shares, worths = frontiers.share[child], frontiers.worth[child]
+    n_low, n_high = frontiers.n[child, low], frontiers.n[child, low + 1]
+    left = right = 0.0
+    i = k = n = 0
+    while i < n_low or k < n_high:
+        share = max(
+            shares[low, i] if i < n_low else -1.0, shares[low + 1, k] if k < n_high else -1.0
+        )
+        if i < n_low and shares[low, i] == share:
+            left = worths[low, i]
+            i += 1
+        if k < n_high and shares[low + 1, k] == share:
+            right = worths[low + 1, k]
+            k += 1
+        outcomes[0, n], outcomes[1, n] = share, left + (right - left) * (level - low)
+        n += 1
+    return n
+
+
+@inlined
+def _is_above(net: Net, states: States, goal: _Goal, to: int, alive: float, worth: float) -> bool:
+    """Return whether a label of the base's piece may become a trail above the stairs."""
+    node, ahead, n_levels = states.node[to], goal.ahead, goal.ahead.values.shape[2] - 1
+    level = _level_at(net, node, alive, n_levels)
+    for line in range(ahead.mu.shape[0]):
+        goal.most[line] = worth + chord(ahead.values[line], to, level)
+    at_home = alive * net.world.ways.home[node]
+    highest = step_of(at_home, goal.stairs.width, goal.stairs.heights.shape[0])
+    return exceeded(goal.most, ahead.mu, goal.corners, highest, 0) >= 0
+
+
 @helper
 def _settle(
     net: Net,
@@ -131,114 +212,64 @@ def _settle(
     frontiers: Frontiers,
     piece: int,
     alive: float,
-    ahead: Completions,
-    stairs: Stairs,
-    corners: Corners,
-    most: FloatArray,
+    goal: _Goal,
     rule: LabelRule,
+    tried: int,
     labels: Labels,
 ) -> int:
-    """Find the labels of a piece that is entered with probability ``alive``.
+    """Find the labels of a piece that a robot enters alive with some probability.
 
-    In the base's piece, labels are left out that come to nothing above the stairs, and labels that
-    come home raise these. Returns how many labels were tried, negative where there was no room.
+    In the base's piece, labels are left out that cannot come home above the stairs, and those that
+    do raise them. Returns ``tried`` and how many outcomes of links were looked at, negative where
+    ``n_most`` or the room was not enough.
     """
-    graph, pieces, home = net.world.graph, net.pieces, net.world.ways.home
-    n_levels, n_arcs, first = prices.shape[1] - 1, graph.head.shape[0], states.begin[piece]
-    entry, n_stairs, heights = pieces.entry[piece], stairs.heights.shape[0], stairs.heights
-    least = max(stairs.least, net.min_survival) * (1.0 - ROUNDING)
-    # Beyond a bridge, no trail is alive with more than this share of ``alive``.
-    part = net.reach[entry] / alive if piece > 0 else 1.0
-    first_step, n_room, latest = step_of(least, stairs.width, n_stairs), labels.alive.shape[0], 0
-    for state in range(first, states.begin[piece + 1]):
-        labels.best[state] = -1.0
-    labels.alive[0], labels.state[0], labels.parent[0], labels.ends[0] = alive, first, -1, 0
-    level = min(alive / net.reach[entry] * n_levels, n_levels * 1.0)
-    labels.worth[0] = chord(prices, entry, level) if piece > 0 else 0.0
-    labels.heap[0] = 0
+    entry, n_levels, stairs = net.pieces.entry[piece], prices.shape[1] - 1, goal.stairs
+    n_room, n_stairs = labels.alive.shape[0], stairs.heights.shape[0]
+    best, worth, ends, outcomes = labels.best, labels.worth, labels.ends, labels.outcomes
+    for state in range(states.begin[piece], states.begin[piece + 1]):
+        best[state] = -1.0
+    labels.alive[0], labels.state[0], labels.parent[0] = alive, states.begin[piece], -1
+    worth[0] = 0.0
+    if piece > 0:
+        worth[0] = chord(prices, entry, _level_at(net, entry, alive, n_levels))
+    labels.heap[0] = ends[0] = 0
     n = n_heap = 1
-    tried = 0
     while n_heap > 0:
         label = _pop(labels, n_heap)
         n_heap -= 1
-        state, here, worth = labels.state[label], labels.alive[label], labels.worth[label]
-        if worth <= labels.best[state] + (rule.tolerance if label > 0 else 0.0):
+        state, here = labels.state[label], labels.alive[label]
+        if label > 0 and worth[label] <= best[state] + rule.tolerance:
             continue
-        labels.best[state] = worth
-        node = states.node[state]
-        if node == entry and (label > 0 or piece > 0):
+        best[state] = worth[label]
+        if states.node[state] == entry and piece > 0:
+            if ends[0] == 0 or worth[label] > worth[ends[ends[0]]]:
+                ends[0] += 1
+                ends[ends[0]] = label
+        elif states.node[state] == entry and label > 0:
             at = step_of(here, stairs.width, n_stairs)
-            is_end = labels.ends[0] == 0 or worth > labels.worth[labels.ends[labels.ends[0]]]
-            if piece == 0:
-                is_end = worth > heights[at]
-            if piece == 0 and is_end:
-                lift(heights, at, worth + rule.slack)
-                find_corners(stairs, ahead.mu, first_step, corners)
-                tried += n_stairs // 16  # what this takes
-            if is_end:
-                labels.ends[0] += 1
-                labels.ends[labels.ends[0]] = label
+            if worth[label] > stairs.heights[at]:
+                lift(stairs.heights, at, worth[label] + rule.slack)
+                first = step_of(goal.least, stairs.width, n_stairs)
+                find_corners(stairs, goal.ahead.mu, first, goal.corners)
+                tried += n_stairs // _STEPS_A_LABEL
+                ends[0] += 1
+                ends[ends[0]] = label
         for link in range(states.first[state], states.first[state + 1]):
-            move, to, gain = states.move[link], states.to[link], 0.0
-            child, low, part_high, n_low, n_high = -1, 0, 0.0, 0, 0
-            left = right = 0.0
-            share = 0.0
-            if move < n_arcs:
-                share = graph.survival[move]
-                head = graph.head[move]
-                if states.pays[link]:
-                    level = min(here * share / net.reach[head] * n_levels, n_levels * 1.0)
-                    gain = chord(prices, head, level)
-            else:
-                child = pieces.of_option[move - n_arcs]
-                if move > n_arcs + pieces.first_option[child]:
+            to = states.to[link]
+            # Beyond a bridge, no trail is alive with more than reach.
+            most_alive = here if piece == 0 else here / alive * net.reach[entry]
+            most_home = most_alive * net.world.ways.home[states.node[to]]
+            n_outcomes = _find_outcomes(net, states, prices, frontiers, here, link, outcomes)
+            tried += n_outcomes
+            for i in range(n_outcomes):
+                share, value = outcomes[0, i], min(worth[label] + outcomes[1, i], rule.cap)
+                if value <= best[to] + rule.tolerance or most_home * share < goal.least:
                     continue
-                level = min(here / net.reach[node] * n_levels, n_levels * 1.0)
-                low = min(int(level), n_levels - 1)
-                part_high = level - low
-            is_more = True
-            while is_more:
-                if child < 0:
-                    is_more = False
-                else:
-                    share = -1.0
-                    if n_low < frontiers.n[child, low]:
-                        share = frontiers.share[child, low, n_low]
-                    if n_high < frontiers.n[child, low + 1]:
-                        share = max(share, frontiers.share[child, low + 1, n_high])
-                    if share < 0.0:
-                        break
-                    if n_low < frontiers.n[child, low] and (
-                        frontiers.share[child, low, n_low] == share
-                    ):
-                        left = frontiers.paid[child, low, n_low]
-                        n_low += 1
-                    if n_high < frontiers.n[child, low + 1] and (
-                        frontiers.share[child, low + 1, n_high] == share
-                    ):
-                        right = frontiers.paid[child, low + 1, n_high]
-                        n_high += 1
-                    gain = left + (right - left) * part_high
-                tried += 1
-                there, value = here * share, min(worth + gain, rule.cap)
-                if value <= labels.best[to] + rule.tolerance:
+                if piece == 0 and not _is_above(net, states, goal, to, here * share, value):
                     continue
-                end = states.node[to]
-                at_home = there * part * home[end]
-                if at_home < least:
-                    continue
-                if piece == 0:
-                    level = min(there / net.reach[end] * n_levels, n_levels * 1.0)
-                    for line in range(most.shape[0]):
-                        most[line] = value + chord(ahead.values[line], to, level)
-                    highest = step_of(at_home, stairs.width, n_stairs)
-                    corner = exceeded(most, ahead.mu, corners, highest, latest)
-                    if corner < 0:
-                        continue
-                    latest = corner
                 if n == n_room or tried > rule.n_most:
                     return -tried
-                labels.alive[n], labels.worth[n], labels.state[n] = there, value, to
+                labels.alive[n], worth[n], labels.state[n] = here * share, value, to
                 labels.parent[n], labels.link[n], labels.share[n] = label, link, share
                 _push(labels, n_heap, n)
                 n_heap += 1
@@ -247,32 +278,42 @@ def _settle(
 
 
 @inlined
+def _find_gates(net: Net, states: States, piece: int, gates: OffsetArray) -> int:
+    """Write the states in which excursions into a piece begin and end; return how many pairs."""
+    above, n = net.pieces.of[net.pieces.gate[piece]], 0
+    move = net.ratio.shape[0] + net.pieces.first_option[piece]
+    for state in range(states.begin[above], states.begin[above + 1]):
+        for link in range(states.first[state], states.first[state + 1]):
+            if states.move[link] == move:
+                gates[n, 0], gates[n, 1] = state, states.to[link]
+                n += 1
+    return n
+
+
+@inlined
 def _loss(
-    net: Net,
     states: States,
     ahead: Completions,
+    above: int,
     gates: OffsetArray,
     n_gates: int,
-    piece: int,
     at: int,
     level: float,
-    paid: float,
+    worth: float,
 ) -> float:
-    """Return how much an excursion is worse than the best that its gate can do at level ``at``."""
-    above, n_levels = net.pieces.of[net.pieces.gate[piece]], ahead.values.shape[2] - 1
-    n = ahead.mu.shape[0] if above == 0 else ahead.n_slopes[0, above]
-    least = np.inf
-    for k in range(n):
+    """Return by how much an excursion is worse than what is best where it begins.
+
+    It begins at level ``at`` of the gate, in the piece ``above``, and comes back at ``level``.
+    """
+    loss = np.inf
+    for k in range(ahead.mu.shape[0] if above == 0 else ahead.n_slopes[0, above]):
+        table, row = ahead.values[k], 0
+        if above > 0:
+            table, row = ahead.inside[0], ahead.row[0, above, k] - states.begin[above]
         for i in range(n_gates):
-            state, after = gates[i, 0], gates[i, 1]
-            if above == 0:
-                loss = ahead.values[k, state, at] - paid - chord(ahead.values[k], after, level)
-            else:
-                row = ahead.row[0, above, k] - states.begin[above]
-                loss = ahead.inside[0, row + state, at] - paid
-                loss -= chord(ahead.inside[0], row + after, level)
-            least = min(least, loss)
-    return least
+            after = chord(table, row + gates[i, 1], level)
+            loss = min(loss, table[row + gates[i, 0], at] - worth - after)
+    return loss
 
 
 @inlined
@@ -280,55 +321,49 @@ def _write_frontier(
     net: Net,
     states: States,
     ahead: Completions,
-    gates: OffsetArray,
-    n_gates: int,
-    labels: Labels,
+    frontiers: Frontiers,
     piece: int,
     at: int,
-    home: float,
+    gates: OffsetArray,
+    n_gates: int,
+    spread: float,
     fine: float,
-    finest: float,
-    share: FloatArray,
-    paid: FloatArray,
-) -> int:
-    """Write the corners of a frontier, and return how many there are.
+    labels: Labels,
+) -> None:
+    """Write the frontier of a piece at level ``at`` of its gate.
 
-    Those that are worth about the same become one that is as good as each of them: the less the
-    worse they are.
+    A corner stands for several ends: it has the highest share and the highest worth of them. The
+    worse excursions are, and the worse than ``spread``, the more of them are one.
     """
-    n, room, gate, n_levels = 0, share.shape[0], net.pieces.gate[piece], ahead.values.shape[2] - 1
-    n_ends = labels.ends[0]
-    alive = net.reach[gate] * at / n_levels
-    for i in range(1, n_ends + 1):
-        label = labels.ends[i]
-        q = labels.alive[label] * home
-        level = min(q / net.reach[gate] * n_levels, n_levels * 1.0)
-        loss = _loss(net, states, ahead, gates, n_gates, piece, at, level, labels.worth[label])
-        labels.share[label] = max(1.0, (loss / fine) * _WORSE) * fine * finest
-    wide = 1.0
-    while True:
+    gate, n_levels = net.pieces.gate[piece], ahead.values.shape[2] - 1
+    above, home = net.pieces.of[gate], net.world.graph.survival[net.pieces.back[piece]]
+    shares, worths = frontiers.share[piece, at], frontiers.worth[piece, at]
+    alive, n_ends, n_room = net.reach[gate] * at / n_levels, labels.ends[0], shares.shape[0]
+    for i in range(n_ends):
+        label = labels.ends[i + 1]
+        level = _level_at(net, gate, labels.alive[label] * home, n_levels)
+        loss = _loss(states, ahead, above, gates, n_gates, at, level, labels.worth[label])
+        labels.wide[i] = fine * max(spread, loss)
+    n = n_room + 1
+    while n > n_room:
         n, end = 0, -np.inf
-        for i in range(1, n_ends + 1):
-            label = labels.ends[i]
-            worth = labels.worth[label]
-            if worth > end:
-                if n == room:
-                    n += 1
-                    break
-                share[n] = labels.alive[label] * home / alive
-                end = worth + labels.share[label] * wide
+        for i in range(n_ends):
+            label = labels.ends[i + 1]
+            if labels.worth[label] > end and n <= n_room:
                 n += 1
-            paid[n - 1] = worth
-        if n <= room:
-            return n
-        wide *= 1.5
+                end = labels.worth[label] + labels.wide[i]
+                if n <= n_room:
+                    shares[n - 1] = labels.alive[label] * home / alive
+            worths[min(n, n_room) - 1] = labels.worth[label]
+            labels.wide[i] *= _COARSER
+    frontiers.n[piece, at] = n
 
 
 @kernel
 def raise_by_labels(
     net: Net,
     states: States,
-    worth: Worth,
+    prices: FloatArray,
     ahead: Completions,
     stairs: Stairs,
     rule: LabelRule,
@@ -337,65 +372,42 @@ def raise_by_labels(
 ) -> int:
     """Raise stairs above all relaxed trails; the labels of the base's piece are left.
 
-    Returns how many labels were tried, negative where ``n_most`` or the room was not enough.
+    Returns how many outcomes of links were looked at, negative where ``n_most`` or the room was not
+    enough.
     """
-    pieces, prices = net.pieces, worth.prices
-    n_levels, n_lines, n_stairs = prices.shape[1] - 1, ahead.mu.shape[0], stairs.heights.shape[0]
-    n_corners, needed, most = np.empty(n_stairs, np.int64), np.empty((n_stairs, n_lines)), np.empty(n_lines)
-    corners = Corners(n_corners, np.empty(n_stairs), np.empty(n_stairs), needed)
-    least = max(stairs.least, net.min_survival) * (1.0 - ROUNDING)
-    find_corners(stairs, ahead.mu, step_of(least, stairs.width, n_stairs), corners)
-    tried = 0
-    gates = np.empty((states.node.shape[0], 2), np.int64)
-    fine = np.inf
-    for line in range(n_lines):
-        worth_ahead = 0.0
-        for at in range(1):
-            worth_ahead = ahead.values[line, 0, n_levels]
-        fine = min(fine, worth_ahead - corners.needed[corners.n[n_stairs - 1] - 1, line])
-    fine = max(fine, 1e-3 * rule.cap)
-    finest = rule.fine
+    graph, pieces, n_levels = net.world.graph, net.pieces, prices.shape[1] - 1
+    goal, gates = _new_goal(net, ahead, stairs), np.empty((states.node.shape[0], 2), np.int64)
+    # By how much less than the best trail another may be worth that is above the stairs.
+    spread = np.inf
+    for line in range(ahead.mu.shape[0]):
+        n = goal.corners.n[stairs.heights.shape[0] - 1]
+        spread = min(spread, ahead.values[line, 0, n_levels] - goal.corners.needed[n - 1, line])
+    spread, tried = max(spread, rule.tolerance), 0
     for piece in range(pieces.entry.shape[0] - 1, 0, -1):
-        gate, out = pieces.gate[piece], net.world.graph.survival[pieces.arc[piece]]
-        home = net.world.graph.survival[pieces.back[piece]]
-        above, n_gates = pieces.of[gate], 0
-        for state in range(states.begin[above], states.begin[above + 1]):
-            for link in range(states.first[state], states.first[state + 1]):
-                if states.move[link] == net.ratio.shape[0] + pieces.first_option[piece]:
-                    gates[n_gates, 0], gates[n_gates, 1] = state, states.to[link]
-                    n_gates += 1
-        is_dead_end = pieces.first_option[piece + 1] - pieces.first_option[piece] == 1
+        gate, arc = pieces.gate[piece], pieces.arc[piece]
+        n_gates = _find_gates(net, states, piece, gates)
         for at in range(1, n_levels + 1):
-            alive = net.reach[gate] * at / n_levels
-            share, paid = frontiers.share[piece, at], frontiers.paid[piece, at]
-            if is_dead_end:
-                level = min(alive * out / net.reach[pieces.entry[piece]] * n_levels, n_levels * 1.0)
-                frontiers.n[piece, at] = 1
-                share[0], paid[0] = out * home, chord(prices, pieces.entry[piece], level)
+            alive = net.reach[gate] * at / n_levels * graph.survival[arc]
+            if pieces.first_option[piece + 1] - pieces.first_option[piece] == 1:  # a dead end
+                entry, frontiers.n[piece, at] = pieces.entry[piece], 1
+                share = graph.survival[arc] * graph.survival[pieces.back[piece]]
+                frontiers.share[piece, at, 0] = share
+                level = _level_at(net, entry, alive, n_levels)
+                frontiers.worth[piece, at, 0] = chord(prices, entry, level)
                 continue
-            n = _settle(
-                net, states, prices, frontiers, piece, alive * out, ahead, stairs, corners, most,
-                LabelRule(rule.tolerance, rule.cap, rule.slack, rule.n_most - tried, rule.fine), labels,
-            )
-            tried += abs(n)
-            if n < 0:
-                return -tried
-            frontiers.n[piece, at] = _write_frontier(
-                net, states, ahead, gates, n_gates, labels, piece, at, home, fine, finest, share, paid
-            )
-    n = _settle(
-        net, states, prices, frontiers, 0, 1.0, ahead, stairs, corners, most,
-        LabelRule(rule.tolerance, rule.cap, rule.slack, rule.n_most - tried, rule.fine), labels,
-    )
-    tried += abs(n)
-    return tried if n >= 0 else -tried
+            tried = _settle(net, states, prices, frontiers, piece, alive, goal, rule, tried, labels)
+            if tried < 0:
+                return tried
+            given = net, states, ahead, frontiers, piece, at, gates, n_gates, spread
+            _write_frontier(*given, rule.fine, labels)
+    return _settle(net, states, prices, frontiers, 0, 1.0, goal, rule, tried, labels)
 
 
 @kernel
 def settle_excursion(
     net: Net,
     states: States,
-    worth: Worth,
+    prices: FloatArray,
     ahead: Completions,
     stairs: Stairs,
     rule: LabelRule,
@@ -404,11 +416,6 @@ def settle_excursion(
     piece: int,
     alive: float,
 ) -> int:
-    """Find the labels of a piece that is entered with probability ``alive``."""
-    n_stairs, n_lines = stairs.heights.shape[0], ahead.mu.shape[0]
-    n_corners, needed = np.empty(n_stairs, np.int64), np.empty((n_stairs, n_lines))
-    corners = Corners(n_corners, np.empty(n_stairs), np.empty(n_stairs), needed)
-    return _settle(
-        net, states, worth.prices, frontiers, piece, alive, ahead, stairs, corners,
-        np.empty(n_lines), rule, labels,
-    )
+    """Find the labels of a piece, as :func:`raise_by_labels` does for the one of the base."""
+    goal = _new_goal(net, ahead, stairs)
+    return _settle(net, states, prices, frontiers, piece, alive, goal, rule, 0, labels)
