@@ -14,8 +14,6 @@ from botohe_moo.bounds.deadline import Deadline
 from botohe_moo.bounds.front_bound import Line, LineProof, stairs_of
 from botohe_moo.bounds.kernels.states import Net
 from botohe_moo.bounds.kernels.trails import Stairs
-from botohe_moo.bounds.labels import LabelStairs
-from botohe_moo.bounds.net import RelaxedTrail
 from botohe_moo.bounds.prices import Pool, PricedTeam, Prices, refine
 from botohe_moo.bounds.relaxation import LEVELS, Ahead, BoundLines, Relaxation
 from botohe_moo.core.world import CHECKING
@@ -30,7 +28,6 @@ MOST_SUMMED = 20  # robots: sums of stairs take time that grows with the square 
 # the line; and what that is at least, in shares of all reward.
 _MU_SHARES = (0.3, 1.0)
 _LEAST_MU = 0.01
-_MOST_MOVES = 2_000_000  # of a search that raises stairs, for each unit of effort
 _EPSILON = float(np.finfo(float).eps)
 
 
@@ -46,14 +43,6 @@ class Target(NamedTuple):
     effort: int = 1
 
 
-class Raised(NamedTuple):
-    """What has come of raising stairs."""
-
-    ended: bool
-    n_new: int  # how many trails were found that were not known
-    repeating: list[RelaxedTrail]  # those that repeat something
-
-
 class Ground:
     """What all provers share: the mission's arrays, its relaxed trails, known trails, the deadline.
 
@@ -67,11 +56,9 @@ class Ground:
         n_robots: int,
         base_reward: float,
         unit: float,
-        labels: LabelStairs,
         deadline: Deadline,
     ) -> None:
         self.net, self.relaxation, self.pool = relaxation.net, relaxation, pool
-        self.labels = labels
         self.n_robots, self.base_reward, self.deadline = n_robots, base_reward, deadline
         self.unit = unit  # of rewards here, in those of the mission
         self.most_survival = most_survival(self.net)
@@ -148,25 +135,20 @@ class Ground:
         none = np.zeros(self.net.graph.n_nodes)
         return [(each, none) for each in self.relaxation.look_ahead(self.spread(visits), mus)]
 
-    def known_stairs(self, visits: FloatArray, *, relaxed: bool) -> FloatArray:
+    def known_stairs(self, visits: FloatArray) -> FloatArray:
         """Return the stairs of known trails (N_STEPS), without anything for their survival."""
         trails = self.pool.trails()
-        worth = trails.worth(Prices(visits, 0.0), relaxed=relaxed)
+        worth = trails.worth(Prices(visits, 0.0), relaxed=False)
         return np.maximum(stairs_of(worth, trails.survival, self.width, N_STEPS), 0.0)
 
     def raise_stairs(
-        self, visits: FloatArray, ahead: BoundLines, stairs: Stairs, effort: int, *, relaxed: bool
-    ) -> Raised:
-        """Raise stairs above all trails, by a search, or above all relaxed ones, by labels."""
-        prices, pool = self.spread(visits), self.pool
-        if not relaxed:
-            n_most = _MOST_MOVES * effort
-            ended, trails = self.relaxation.raise_stairs(prices, ahead, stairs, n_most)
-            return Raised(ended, sum(pool.add(arcs)[1] for arcs in trails), [])
-        ended, found = self.labels.raise_above(prices, ahead, stairs, effort)
-        added = [pool.add(*trail) for trail in found]
-        repeating = [pool.relaxed(number) for number, _ in added]
-        return Raised(ended, sum(is_new for _, is_new in added), [*filter(None, repeating)])
+        self, visits: FloatArray, ahead: BoundLines, stairs: Stairs, n_most: int
+    ) -> tuple[bool, int]:
+        """Raise stairs above all trails; return whether that ended, and how many were found."""
+        ended, trails = self.relaxation.raise_stairs(self.spread(visits), ahead, stairs, n_most)
+        for arcs in trails:
+            self.pool.add(arcs)
+        return ended, len(trails)
 
 
 def most_survival(net: Net) -> float:

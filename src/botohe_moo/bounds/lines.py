@@ -162,13 +162,13 @@ class LineProver:
 
         None is returned where a search takes too long.
         """
-        ground, pool = self._ground, self._ground.pool
+        ground = self._ground
         ahead = ground.look_ahead(prices)
         if relaxed:
-            added = [pool.add(*trail) for trail in ground.relaxation.best_trails(ahead)]
-            return ahead.most, pool.visits(added[0][0]) if added and added[0][1] else None
-        worth = pool.trails().worth(prices, relaxed=False)
+            added = [ground.pool.add(*trail) for trail in ground.relaxation.best_trails(ahead)]
+            return ahead.most, added[0][0] if added and added[0][1] else None
+        worth = ground.pool.trails().worth(prices, relaxed=False)
         least = max(0.0, float(worth.max(initial=0.0))) + 1e-9
         ended, most, arcs = ground.relaxation.search(ahead, least, _MOST_MOVES * effort)
-        number, is_new = pool.add(arcs) if arcs else (-1, False)
-        return (min(most, ahead.most), pool.visits(number) if is_new else None) if ended else None
+        visits, is_new = ground.pool.add(arcs) if arcs else (None, False)
+        return (min(most, ahead.most), visits if is_new else None) if ended else None

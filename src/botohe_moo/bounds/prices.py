@@ -170,10 +170,10 @@ class Pool:
         self._trails: Trails | None = None
         self._lock = Lock()  # several threads may find trails
 
-    def add(self, arcs: list[int], paid: list[bool] | None = None) -> tuple[int, bool]:
+    def add(self, arcs: list[int], paid: list[bool] | None = None) -> tuple[Visits, bool]:
         """Add a trail, or a relaxed one with the visits that pay.
 
-        Returns its number, and whether it is new or was dropped before.
+        Returns how prices see it, and whether it is new or was dropped before.
         """
         paying, alive = self._follow(arcs, paid)
         relaxed = None
@@ -195,7 +195,7 @@ class Pool:
                 self._is_dropped[number], self._trails = False, None
             if becomes_true:
                 self._relaxed[number] = None
-            return number, is_new or is_back
+            return visits, is_new or is_back
 
     def trails(self) -> Trails:
         """Return all trails that are known at present."""
@@ -216,10 +216,6 @@ class Pool:
                     np.array(self._is_dropped, bool),
                 )
             return self._trails
-
-    def visits(self, number: int) -> Visits:
-        """Return how prices see a trail."""
-        return self._visits[number]
 
     def relaxed(self, number: int) -> RelaxedTrail | None:
         """Return a relaxed trail by its number; None for a trail."""

@@ -16,10 +16,9 @@ from botohe_moo.bounds.deadline import Deadline
 from botohe_moo.bounds.front_bound import FrontBound, Step
 from botohe_moo.bounds.ground import Ground
 from botohe_moo.bounds.kernels.states import ROUNDING
-from botohe_moo.bounds.labels import BYTES_A_LABEL, MOST_LABELS, LabelStairs
 from botohe_moo.bounds.net import MOST_SLOPES, arcs_by_ends, new_net
 from botohe_moo.bounds.prices import Pool, most_levels
-from botohe_moo.bounds.relaxation import LEVELS, MOST_BITS, Relaxation
+from botohe_moo.bounds.relaxation import BYTES_A_LABEL, LEVELS, MOST_BITS, MOST_LABELS, Relaxation
 from botohe_moo.bounds.schedule import Known, Schedule
 from botohe_moo.core.world import CHECKING, World
 from botohe_moo.mission.model import Mission
@@ -85,12 +84,12 @@ class Proof:
             per_state *= MOST_SLOPES
         per_state += _BYTES_A_LINK * max(1.0, net.graph.n_arcs / net.graph.n_nodes)
         a_thread = self._memory / self._n_threads
-        n_labels = int(min(MOST_LABELS, _LABELS_SHARE * a_thread / BYTES_A_LABEL))
         fits = int((1.0 - _LABELS_SHARE) * a_thread / per_state)
-        relaxation = Relaxation(net, n_bits, self._random_state, self.deadline, fits)
-        labels = LabelStairs(net, n_labels, relaxation.most_states, self.deadline)
-        given = relaxation, Pool(net, n_levels), self._mission.robots, self._base_reward
-        return Ground(*given, self.unit, labels, self.deadline)
+        n_labels = int(min(MOST_LABELS, _LABELS_SHARE * a_thread / BYTES_A_LABEL))
+        given = net, n_bits, self._random_state, self.deadline
+        relaxation = Relaxation(*given, fits, n_labels)
+        pool, robots = Pool(net, n_levels), self._mission.robots
+        return Ground(relaxation, pool, robots, self._base_reward, self.unit, self.deadline)
 
     def find_front(self) -> bool:
         """Take the true front as the bound; return whether a share of the time sufficed for it."""

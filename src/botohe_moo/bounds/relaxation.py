@@ -10,10 +10,18 @@ import numpy as np
 
 from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.bounds.deadline import SECONDS_A_MOVE, Deadline
+from botohe_moo.bounds.kernels.labels import (
+    Labels,
+    LabelSearch,
+    new_frontiers,
+    new_labels,
+    raise_by_labels,
+)
 from botohe_moo.bounds.kernels.relaxed import Rule, Tables, Worth, follow, look_ahead
 from botohe_moo.bounds.kernels.states import Net, States, find_states
 from botohe_moo.bounds.kernels.trails import (
     Completions,
+    Corners,
     Stairs,
     TrailRule,
     find_trails,
@@ -21,7 +29,7 @@ from botohe_moo.bounds.kernels.trails import (
 )
 from botohe_moo.bounds.net import MOST_SLOPES, RelaxedTrail, Remembered
 
-SLACK = 1e-9  # in shares of all reward: stairs are raised by as much more, to skip equal trails
+_SLACK = 1e-9  # in shares of all reward: stairs are raised by as much more, to skip equal trails
 _EPSILON = float(np.finfo(float).eps)
 _TOLERANCE = 1e-9  # in shares of all reward: values are raised only where they rise by more
 _SECONDS_A_VALUE = 8e-8  # that lies ahead
@@ -29,7 +37,6 @@ _MOST_TRAIL = 400  # links of a relaxed trail that are looked at
 # Steps at which a relaxed trail takes the second best link, to find others; −1 for none.
 _TURNS = (-1, 0, 1, 2, 4, 7, 11)
 _STEEPEST = 20.0  # of the slopes of hulls, in shares of all reward
-_NOTHING = 1e-12  # what a visit is worth that does not pay
 _ENOUGH = 1e-4  # of all reward: how far hulls may lie above what is true, nearly
 MOST_BITS = 14  # that a node remembers at most
 _FIRST_STATES = 15_000  # of relaxed trails at first
@@ -37,6 +44,14 @@ _MOST_STATES = 40_000  # of relaxed trails that have learned what to remember
 _N_SEEN = 1 << 18  # sets of arcs that a depth-first search recognises when it meets them again
 # When relaxed trails remember more, there are at most so many states, or so many times as many.
 _FREE_STATES, _GROWTH = 4_000, 1.5
+BYTES_A_LABEL = 40.0
+MOST_LABELS = 1 << 20  # that are kept at once
+_MOST_OUTCOMES = 8_000_000  # of links that labels look at, for each unit of effort
+_SECONDS_AN_OUTCOME = 1e-7  # on a usual processor
+_LOSS = 2e-5  # of all reward: how much stairs are higher, so that labels may be left out
+# Excursions stand for others that are worth as much, up to this share of what a trail above the
+# stairs can be worse than the best, divided by the effort.
+_FINE = 0.02
 _MOST_FOUND = 50_000  # trails that a search returns
 _MOST_FOUND_ARCS = 1 << 22  # room for the arcs of all these trails
 LEVELS = 24  # of probabilities to be alive, or up to twice as many
@@ -66,7 +81,7 @@ BoundLines: TypeAlias = Sequence[tuple[Ahead, FloatArray]]
 class Relaxation:
     """Relaxed trails of a mission, which remember ``n_bits`` of their own at each node, and learn.
 
-    There is room for as many of their states as ``fits`` says.
+    There is room for as many of their states as ``fits`` says, and for ``n_labels`` labels.
     """
 
     def __init__(
@@ -76,10 +91,11 @@ class Relaxation:
         random_state: np.random.Generator,
         deadline: Deadline,
         fits: int,
+        n_labels: int,
     ) -> None:
-        self.net, self._deadline = net, deadline
+        self.net, self._deadline, self._n_labels = net, deadline, n_labels
         n_nodes = net.graph.n_nodes
-        self.most_states = max(n_nodes + 1, min(_MOST_STATES, fits))
+        self._most_states = max(n_nodes + 1, min(_MOST_STATES, fits))
         # Whether there was too little memory to learn more.
         self.is_full = False
         self.total = float(net.graph.reward.sum())
@@ -89,8 +105,9 @@ class Relaxation:
             new_depths, net, random_state, _N_SEEN, n_room, MOST_LINES, 2 * LEVELS
         )
         self._depths = [self._new_depths()]
+        self._labels: list[Labels] = []  # also scratch
         self._remembered = Remembered(net, n_bits)
-        while not self._find_states(min(max(n_nodes + 1, _FIRST_STATES), self.most_states)):
+        while not self._find_states(min(max(n_nodes + 1, _FIRST_STATES), self._most_states)):
             n_bits -= 1
             self._remembered = Remembered(net, n_bits)
 
@@ -137,15 +154,17 @@ class Relaxation:
 
         Of long ones only the first steps are returned, and some do not come home.
         """
-        net = self.net
+        net, n_levels = self.net, ahead.values.shape[1] - 1
         found: list[RelaxedTrail] = []
         arcs, paid = np.empty(_MOST_TRAIL, np.int64), np.empty(_MOST_TRAIL, np.int64)
         for turn in _TURNS:
             given = net, ahead.states, ahead.worth, ahead.tables, ahead.values
             n, _ = follow(*given, turn, arcs, paid)
             if n > max(turn, 0):
-                trail = arcs[:n].tolist(), paid[:n].tolist()
-                found.append(paying(net, ahead.worth.prices, *trail))
+                heads, alive = net.graph.head[arcs[:n]], net.graph.survival[arcs[:n]].cumprod()
+                high = np.minimum((alive / net.reach[heads] * n_levels).astype(int) + 1, n_levels)
+                is_worth = (paid[:n] > 0) & (ahead.worth.prices[heads, high] > 1e-12)
+                found.append(RelaxedTrail(arcs[:n].tolist(), is_worth.tolist()))
         return found
 
     def search(self, ahead: Ahead, least: float, n_most: int) -> tuple[bool, float, list[int]]:
@@ -165,10 +184,47 @@ class Relaxation:
         self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int
     ) -> tuple[bool, list[list[int]]]:
         """Raise stairs above all trails; return whether the search has ended, and trails found."""
-        rule = TrailRule(every=False, slack=SLACK * self.total, n_most=n_most)
+        rule = TrailRule(every=False, slack=_SLACK * self.total, n_most=n_most)
         ended, *found = self._search(Worth(prices, mu=0.0), lines, stairs, rule)
         stairs.heights[:] += max(ahead.spare for ahead, _ in lines)
         return ended, _as_lists(*found)
+
+    def raise_by_labels(
+        self, prices: FloatArray, lines: BoundLines, stairs: Stairs, effort: int
+    ) -> bool:
+        """Raise stairs above all relaxed trails; return whether that has ended.
+
+        On its way, a trail is left out in favour of others that are worth less by the tolerance:
+        once for each of its arcs and excursions at most. So twice as many tolerances as there are
+        arcs are added, and what rounding takes from what lies ahead, and as much for labels.
+        """
+        net, ahead, (states, *_) = self.net, completions(lines), lines[0][0]
+        n_steps, n_lines = len(stairs.heights), len(lines)
+        floats = np.empty(n_steps), np.empty(n_steps), np.empty((n_steps, n_lines))
+        corners = Corners(np.empty(n_steps, np.int64), *floats)
+        scratch = new_frontiers(net, prices.shape[1] - 1), self._free_labels()
+        search = LabelSearch(
+            *(net, states, prices, ahead, stairs, corners, np.empty(n_lines), *scratch),
+            tolerance=_LOSS * self.total / (2 * net.graph.n_arcs),
+            slack=_SLACK * self.total,
+            cap=float(prices[:, -1].sum()) * (1.0 + 1e-12),
+            fine=_FINE / effort,
+            n_most=int(min(_MOST_OUTCOMES * effort, self._deadline.left / _SECONDS_AN_OUTCOME)),
+        )
+        try:
+            n = raise_by_labels(search)
+        finally:
+            self._labels.append(search.labels)
+        self._deadline.work += _SECONDS_AN_OUTCOME * abs(n)
+        stairs.heights[:] += 2 * max(each.spare for each, _ in lines) + _LOSS * self.total
+        return n >= 0
+
+    def _free_labels(self) -> Labels:
+        """Return scratch for labels that no other thread uses."""
+        try:
+            return self._labels.pop()
+        except IndexError:
+            return new_labels(self._n_labels, self._most_states)
 
     def find_all(
         self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int
@@ -177,7 +233,7 @@ class Relaxation:
 
         Returns their arcs (n, n_arcs), and how many they are (n); None where they are too many.
         """
-        spare = max(ahead.spare for ahead, _ in lines) + SLACK * self.total
+        spare = max(ahead.spare for ahead, _ in lines) + _SLACK * self.total
         lowered = stairs._replace(heights=stairs.heights - spare)
         rule = TrailRule(every=True, slack=0.0, n_most=n_most)
         ended, arcs, n_arcs = self._search(Worth(prices, mu=0.0), lines, lowered, rule)
@@ -213,14 +269,14 @@ class Relaxation:
         What the first trails do comes first.
         """
         before = self._remembered.bits
-        n_most = min(self.most_states, max(_FREE_STATES, int(_GROWTH * len(self.states.node)) + 1))
+        n_most = min(self._most_states, max(_FREE_STATES, int(_GROWTH * len(self.states.node)) + 1))
         twice = [each for trail in trails for each in self._remembered.forgets(trail)]
         while twice:
             if self._remembered.add(twice, MOST_BITS) and self._find_states(n_most):
                 return True
             self._remembered.bits = before
             twice = twice[: len(twice) // 2]
-        self.is_full = n_most == self.most_states < _MOST_STATES
+        self.is_full = n_most == self._most_states < _MOST_STATES
         return False
 
     def allows(self, trail: RelaxedTrail) -> bool:
@@ -247,15 +303,6 @@ class Relaxation:
 def _as_lists(arcs: OffsetArray, n_arcs: OffsetArray) -> list[list[int]]:
     """Return trails as lists of their arcs."""
     return [row[:n].tolist() for row, n in zip(arcs, n_arcs.tolist(), strict=True)]
-
-
-def paying(net: Net, prices: FloatArray, arcs: list[int], paid: list[bool]) -> RelaxedTrail:
-    """Return a relaxed trail in which visits that are worth nothing under prices do not pay."""
-    n_levels, heads = prices.shape[1] - 1, net.graph.head[arcs]
-    alive = net.graph.survival[arcs].cumprod()
-    high = np.minimum((alive / net.reach[heads] * n_levels).astype(int) + 1, n_levels)
-    is_worth = np.array(paid, bool) & (prices[heads, high] > _NOTHING)
-    return RelaxedTrail(list(arcs), is_worth.tolist())
 
 
 def completions(lines: BoundLines) -> Completions:

@@ -20,15 +20,15 @@ from botohe_moo.bounds.certificate import Certificate, Facts, Sums
 from botohe_moo.bounds.front_bound import add_stairs, add_two, least_total
 from botohe_moo.bounds.ground import MOST_SUMMED, N_STEPS, Ground, Target
 from botohe_moo.bounds.kernels.trails import Stairs
-from botohe_moo.bounds.net import RelaxedTrail
 from botohe_moo.bounds.prices import Pool, Prices
 from botohe_moo.bounds.programme import Programme
-from botohe_moo.bounds.relaxation import MOST_LINES
+from botohe_moo.bounds.relaxation import MOST_LINES, BoundLines
 
 _BINS = 100  # of survival, in the linear programme
 _MOST_SOLVED = 60  # times that the programme is solved for one pool
 _CUT = 1e-6  # by how much a row has to be violated to be added
 _TRAILS_AT_ONCE, _TEAMS_AT_ONCE = 30, 12  # rows that are added before it is solved again
+_MOST_MOVES = 2_000_000  # of a search, for each unit of effort
 _MOST_PRICES = 12  # that are tried at one place
 # Prices are tried until so many, one after another, have closed less than this share of the gap.
 _LEAST_GAIN, _MOST_IDLE = 0.05, 2
@@ -63,7 +63,7 @@ class StairsProgramme(Programme):
         # Trails lie half a bin above their bin's beginning, on average.
         self._needed = max(0, round(target.x / self._width - (team.n_robots - 1) / 2))
 
-    def solve(self, pool: Pool, *, relaxed: bool) -> tuple[float, FloatArray]:
+    def solve(self, pool: Pool) -> tuple[float, FloatArray]:
         """Return the least bound over known trails, and its prices (n_nodes that pay, ·)."""
         least_bin = self._needed - (self.team.n_robots - 1) * (_BINS - 1)
         trails = pool.trails()
@@ -72,7 +72,7 @@ class StairsProgramme(Programme):
             solution, visits, value = self.run()
             stairs = solution[self._stairs]
             n = self.cut_configurations(visits, solution)
-            over = trails.worth(Prices(visits, 0.0), relaxed=relaxed) - stairs[bins]
+            over = trails.worth(Prices(visits, 0.0), relaxed=False) - stairs[bins]
             over[bins < least_bin] = -np.inf
             known = {*self.rows}
             for i in np.argsort(-over)[:_TRAILS_AT_ONCE].tolist():
@@ -142,12 +142,12 @@ class StairsProver:
         team, total = ground.team(moving), int(least_total(x, ground.width, moving))
         programme = StairsProgramme(ground, target)
         start = ground.lowest(certificate, moving, x)
-        found, repeating, n_idle = list[Sums](), list[RelaxedTrail](), 0
+        found, n_idle = list[Sums](), 0
         best, share, stay = np.inf, _FIRST_SHARE, 1.0
         centre = self._centres.get((moving, x), start.visits)
         bound = certificate.bound(moving, x)
         for i in range(_MOST_PRICES):
-            least, wanted = programme.solve(ground.pool, relaxed=relaxed)
+            least, wanted = programme.solve(ground.pool)
             least += ground.base_reward
             own = [float(sums.most[total - sums.first]) for sums in found if sums.moving == moving]
             bound = min([bound, *own])
@@ -155,7 +155,7 @@ class StairsProver:
                 break
             visits = centre if stay == 1.0 else team.tidy(stay * centre + (1 - stay) * wanted)
             beside = float(team.most(visits).sum()) + ground.base_reward
-            known = self._known(visits, moving, x, relaxed=relaxed)
+            known = self._known(visits, moving, x)
             teams = self._teams(known, moving, x)
             low = beside + float(teams.max())  # nothing less can be shown
             if low >= bound and i > 0:
@@ -169,9 +169,8 @@ class StairsProver:
             floor = self._lifted(known, teams, moving, goal - beside)
             ahead = ground.look_ahead_around(Prices(visits, start.mu))
             stairs = Stairs(floor, ground.width, self._first_step(moving, x))
-            raised = ground.raise_stairs(visits, ahead, stairs, target.effort, relaxed=relaxed)
-            repeating += raised.repeating
-            if not raised.ended:
+            ended, n_found = self._raise(visits, ahead, stairs, target.effort, relaxed=relaxed)
+            if not ended:
                 share, stay = _WIDER * share + _FURTHER, _STAY
                 if share > _FURTHEST:
                     return Facts(sums=tuple(found), is_proved=bool(found))
@@ -184,13 +183,13 @@ class StairsProver:
             if reached < best:
                 best, centre = reached, visits
                 self._centres[moving, x] = visits
-            if raised.n_new:
+            if n_found:
                 stay = _STAY
             elif share <= _LEAST_SHARE and stay == 0.0:
                 break
             else:
                 stay, share = 0.0, max(_LEAST_SHARE, share / 2)
-        return Facts(sums=tuple(found), repeating=tuple(repeating))
+        return Facts(sums=tuple(found))
 
     def _prove_one(self, target: Target, certificate: Certificate, *, relaxed: bool) -> Facts:
         """Find what one robot collects at most.
@@ -210,10 +209,18 @@ class StairsProver:
             beside = [team.to_all(team.most(other.visits)) for other in others]
             each = map(ground.look_ahead, others)
             lines = list(zip(each, beside, strict=True))
-        stairs = Stairs(ground.known_stairs(visits, relaxed=relaxed), ground.width, x)
-        raised = ground.raise_stairs(visits, lines, stairs, target.effort, relaxed=relaxed)
-        sums = self._sums(visits, stairs) if raised.ended else []
-        return Facts(sums=tuple(sums), repeating=tuple(raised.repeating), is_proved=raised.ended)
+        stairs = Stairs(ground.known_stairs(visits), ground.width, x)
+        ended, _ = self._raise(visits, lines, stairs, target.effort, relaxed=relaxed)
+        return Facts(sums=tuple(self._sums(visits, stairs)) if ended else (), is_proved=ended)
+
+    def _raise(
+        self, visits: FloatArray, lines: BoundLines, stairs: Stairs, effort: int, *, relaxed: bool
+    ) -> tuple[bool, int]:
+        """Raise stairs above all trails; return whether that ended, and how many were found."""
+        ground = self._ground
+        if not relaxed:
+            return ground.raise_stairs(visits, lines, stairs, _MOST_MOVES * effort)
+        return ground.relaxation.raise_by_labels(ground.spread(visits), lines, stairs, effort), 0
 
     def _first_step(self, moving: int, x: float) -> float:
         """Return the survival from which on trails are searched."""
@@ -221,9 +228,9 @@ class StairsProver:
         n_below = max(_MARGIN, moving + 1)
         return max(0.0, x - n_below * ground.width - (moving - 1) * ground.most_survival)
 
-    def _known(self, visits: FloatArray, moving: int, x: float, *, relaxed: bool) -> FloatArray:
+    def _known(self, visits: FloatArray, moving: int, x: float) -> FloatArray:
         """Return the stairs of known trails that survive as a team needs it (N_STEPS)."""
-        known = self._ground.known_stairs(visits, relaxed=relaxed)
+        known = self._ground.known_stairs(visits)
         first = int(self._first_step(moving, x) / self._ground.width)
         known[:first] = known[min(first, N_STEPS - 1)]
         return known

@@ -46,11 +46,9 @@ class TeamProver:
         needed = self._needed(moving, x, goal_beside, ahead, None)
         n_most = _MOST_MOVES * target.effort
         for _ in range(_MOST_ROUNDS):
-            stairs = np.maximum(ground.known_stairs(prices.visits, relaxed=False), needed)
+            stairs = np.maximum(ground.known_stairs(prices.visits), needed)
             raised = Stairs(stairs, ground.width, least)
-            if not ground.raise_stairs(prices.visits, lines, raised, target.effort, relaxed=False)[
-                0
-            ]:
+            if not ground.raise_stairs(prices.visits, lines, raised, n_most)[0]:
                 return Facts(is_proved=False)
             before = needed
             needed = np.maximum(before, self._needed(moving, x, goal_beside, ahead, stairs))
