@@ -10,9 +10,15 @@ from hypothesis import strategies as st
 
 from botohe_moo import Mission
 from botohe_moo.bounds import net as net_module
+from botohe_moo.bounds.kernels.labels import (
+    LabelSearch,
+    new_frontiers,
+    new_labels,
+    raise_by_labels,
+)
 from botohe_moo.bounds.kernels.relaxed import Rule, Worth, follow, look_ahead
 from botohe_moo.bounds.kernels.states import find_states
-from botohe_moo.bounds.kernels.trails import Stairs, TrailRule, find_trails, new_depths
+from botohe_moo.bounds.kernels.trails import Corners, Stairs, TrailRule, find_trails, new_depths
 from botohe_moo.bounds.net import RelaxedTrail, Remembered, arcs_by_ends, new_net, pieces_of
 from botohe_moo.bounds.relaxation import Ahead, completions, new_tables
 from tests import twins
@@ -336,6 +342,92 @@ def test_stairs_are_above_all_trails(mission, memory, least, seed):
     if above > 1:
         small = new_depths(net, np.random.default_rng(seed), 1 << 8, above - 1, 6, N_LEVELS)
         assert find_trails(*given, Stairs(needed, width, least), every, small) < 0
+
+
+def raised_by_labels(net, states, prices, mus, stairs, **options):
+    """Whether stairs were raised above all relaxed trails, and their lines: what no one exceeds."""
+    cap = prices[:, -1].sum()
+    tables, found, short = ahead_under(net, states, prices, mus, cap=cap)
+    none = np.zeros(net.graph.n_nodes)
+    n_steps, n_lines = len(stairs.heights), len(mus)
+    floats = np.empty(n_steps), np.empty(n_steps), np.empty((n_steps, n_lines))
+    given = {"tolerance": 1e-13, "slack": 0.0, "cap": cap, "fine": 0.0, "n_most": 1_000_000}
+    search = LabelSearch(
+        net,
+        states,
+        prices,
+        completions(ahead_of(states, prices, mus, tables, found, none)),
+        stairs,
+        Corners(np.empty(n_steps, np.int64), *floats),
+        np.empty(n_lines),
+        new_frontiers(net, N_LEVELS),
+        new_labels(options.pop("n_room", 100_000), len(states.node)),
+        **given | options,
+    )
+    n = raise_by_labels(search)
+    lines = [(values[0, -1], mu) for mu, values in zip(mus, found, strict=True)]
+    return n, lines, 2 * net.graph.n_arcs * (short + 2e-12)
+
+
+@examples(80)
+@given(
+    missions(max_nodes=6),
+    memories,
+    st.sampled_from([0.0, 0.3, 0.6]),
+    st.sampled_from([0.0, 0.02, 1.0]),
+    st.integers(0, 99),
+)
+def test_labels_raise_stairs_above_all_trails_and_no_higher_than_lines(
+    mission, memory, least, fine, seed
+):
+    """Also where arcs are sure, and where excursions stand for others: these may exceed lines."""
+    net, _, states = prepared(mission, memory)
+    prices, mu = drawn_prices(net, seed)
+    trails = twins.all_trails(mission)
+    assume(trails is not None)
+    arcs = set(zip(net.graph.tail.tolist(), net.graph.head.tolist(), strict=True))
+    width = (1.0 + 1e-9) / N_STEPS
+    floor = np.random.default_rng(seed).choice([0.0, 0.1]) * prices[:, -1].sum()
+    stairs = Stairs(np.full(N_STEPS, floor), width, least)
+    mus = [0.0, mu, 3 * mu + 1]
+    n, lines, spare = raised_by_labels(net, states, prices, mus, stairs, fine=fine)
+    assert n >= 0
+    for trail in trails:
+        survival = twins.survival_of(mission, trail)
+        if len(trail) > 1 and arcs.issuperset(pairwise(trail)) and survival >= least:
+            step = min(int(survival / width), N_STEPS - 1)
+            assert stairs.heights[step] + spare >= value_of(net, trail, prices, 0.0)
+    assert (np.diff(stairs.heights) <= 0).all()
+    if fine == 0.0:
+        at = np.arange(N_STEPS) * width
+        most = np.min([height - mu * at for height, mu in lines], axis=0)
+        assert (stairs.heights <= np.maximum(most, floor) + spare + 1e-9).all()
+
+
+def test_labels_by_hand():
+    """A base, a hall behind a bridge, and two rooms: nothing is between the three excursions.
+
+    The hall is worth 1, the near room 2 and the far one 4, whenever a robot comes. It is alive with
+    0.9 at the hall; 0.8 of that comes back from the near room, and half from the far one. The way
+    home takes 0.9 again, so trails survive with 0.81, 0.648, 0.405 or 0.324.
+    """
+    graph = nx.Graph([(0, 1, {"survival": 0.9}), (1, 2, {"survival": 0.8**0.5})])
+    graph.add_edge(1, 3, survival=0.5**0.5)
+    nx.set_node_attributes(graph, {0: 0.0, 1: 1.0, 2: 2.0, 3: 4.0}, "reward")
+    net, _, states = prepared(Mission(graph.to_directed(), base=0, robots=1), (4, 4, 0))
+    prices = np.outer(net.graph.reward, np.arange(N_LEVELS + 1) > 0).astype(float)
+    stairs = Stairs(np.zeros(10), 0.1, 0.0)
+    n, _, _ = raised_by_labels(net, states, prices, [0.0, 2.0], stairs)
+    assert n > 0
+    assert stairs.heights == pytest.approx([7, 7, 7, 7, 5, 3, 3, 1, 1, 0])
+    for limits, is_enough in (({"n_room": 2}, False), ({"n_most": 3}, False), ({}, True)):
+        again = stairs._replace(heights=np.zeros(10))
+        n, _, _ = raised_by_labels(net, states, prices, [0.0, 2.0], again, **limits)
+        assert (n > 0) == is_enough
+    # What is below stairs does not raise them, and trails that survive with less do not count.
+    least = Stairs(np.full(10, 4.0), 0.1, 0.5)
+    raised_by_labels(net, states, prices, [0.0, 2.0], least)
+    assert least.heights == pytest.approx(np.full(10, 4.0))
 
 
 @examples(60)
