@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from botohe_moo.core.compile import own_time
+from collections.abc import Callable
 
-SECONDS_A_MOVE = 9e-8  # of a search, on a usual processor
+from botohe_moo.core.compile import own_time
 
 
 class Deadline:
@@ -33,9 +33,18 @@ class Deadline:
         """Seconds until the end, at least 0."""
         return max(0.0, self.seconds - self.elapsed)
 
-    def most_moves(self, n_most: int) -> int:
-        """Return how many moves a search can make until the end, at most ``n_most``."""
-        return int(min(n_most, self.left / SECONDS_A_MOVE))
+    def run(self, steps: Callable[[int], int], n_most: int, seconds: float) -> bool:
+        """Make up to ``n_most`` steps of some seconds; return whether they were enough.
+
+        ``steps`` is called with how many there is time for, and returns how many it has made,
+        negative where these were not enough.
+        """
+        n_left = int(min(n_most, self.left / seconds))
+        n = steps(n_left)
+        self.work += seconds * abs(n)
+        if -n > n_left and n_left < n_most:
+            self.end()
+        return n >= 0
 
     def end(self) -> None:
         """Let the time be over."""

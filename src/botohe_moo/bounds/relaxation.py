@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
 from botohe_moo.base.types import FloatArray, OffsetArray
-from botohe_moo.bounds.deadline import SECONDS_A_MOVE, Deadline
+from botohe_moo.bounds.deadline import Deadline
 from botohe_moo.bounds.kernels.labels import (
     Labels,
     LabelSearch,
@@ -21,10 +22,10 @@ from botohe_moo.bounds.kernels.relaxed import Rule, Tables, Worth, follow, look_
 from botohe_moo.bounds.kernels.states import Net, States, find_states
 from botohe_moo.bounds.kernels.trails import (
     Completions,
-    Corners,
     Stairs,
     TrailRule,
     find_trails,
+    new_corners,
     new_depths,
 )
 from botohe_moo.bounds.net import MOST_SLOPES, RelaxedTrail, Remembered
@@ -32,6 +33,9 @@ from botohe_moo.bounds.net import MOST_SLOPES, RelaxedTrail, Remembered
 _SLACK = 1e-9  # in shares of all reward: stairs are raised by as much more, to skip equal trails
 _EPSILON = float(np.finfo(float).eps)
 _TOLERANCE = 1e-9  # in shares of all reward: values are raised only where they rise by more
+_Scratch = TypeVar("_Scratch")
+
+_SECONDS_A_MOVE = 9e-8  # of a search, on a usual processor
 _SECONDS_A_VALUE = 8e-8  # that lies ahead
 _MOST_TRAIL = 400  # links of a relaxed trail that are looked at
 # Steps at which a relaxed trail takes the second best link, to find others; −1 for none.
@@ -44,14 +48,12 @@ _MOST_STATES = 40_000  # of relaxed trails that have learned what to remember
 _N_SEEN = 1 << 18  # sets of arcs that a depth-first search recognises when it meets them again
 # When relaxed trails remember more, there are at most so many states, or so many times as many.
 _FREE_STATES, _GROWTH = 4_000, 1.5
-BYTES_A_LABEL = 40.0
+BYTES_A_LABEL = 40.0  # three floats, and three integers of 4 bytes
 MOST_LABELS = 1 << 20  # that are kept at once
 _MOST_OUTCOMES = 8_000_000  # of links that labels look at, for each unit of effort
 _SECONDS_AN_OUTCOME = 1e-7  # on a usual processor
 _LOSS = 2e-5  # of all reward: how much stairs are higher, so that labels may be left out
-# Excursions stand for others that are worth as much, up to this share of what a trail above the
-# stairs can be worse than the best, divided by the effort.
-_FINE = 0.02
+_FINE = 0.02  # ``LabelSearch.fine``, divided by the effort
 _MOST_FOUND = 50_000  # trails that a search returns
 _MOST_FOUND_ARCS = 1 << 22  # room for the arcs of all these trails
 LEVELS = 24  # of probabilities to be alive, or up to twice as many
@@ -93,7 +95,7 @@ class Relaxation:
         fits: int,
         n_labels: int,
     ) -> None:
-        self.net, self._deadline, self._n_labels = net, deadline, n_labels
+        self.net, self._deadline = net, deadline
         n_nodes = net.graph.n_nodes
         self._most_states = max(n_nodes + 1, min(_MOST_STATES, fits))
         # Whether there was too little memory to learn more.
@@ -105,7 +107,8 @@ class Relaxation:
             new_depths, net, random_state, _N_SEEN, n_room, MOST_LINES, 2 * LEVELS
         )
         self._depths = [self._new_depths()]
-        self._labels: list[Labels] = []  # also scratch
+        self._new_labels = partial(new_labels, max(1, n_labels), self._most_states)
+        self._labels: list[Labels] = []
         self._remembered = Remembered(net, n_bits)
         while not self._find_states(min(max(n_nodes + 1, _FIRST_STATES), self._most_states)):
             n_bits -= 1
@@ -190,41 +193,40 @@ class Relaxation:
         return ended, _as_lists(*found)
 
     def raise_by_labels(
-        self, prices: FloatArray, lines: BoundLines, stairs: Stairs, effort: int
+        self, prices: FloatArray, lines: Sequence[Ahead], stairs: Stairs, effort: int
     ) -> bool:
-        """Raise stairs above all relaxed trails; return whether that has ended.
+        """Raise stairs above all trails, by labels of relaxed ones; return whether that has ended.
 
-        On its way, a trail is left out in favour of others that are worth less by the tolerance:
-        once for each of its arcs and excursions at most. So twice as many tolerances as there are
-        arcs are added, and what rounding takes from what lies ahead, and as much for labels.
+        All lines are under the same prices of visits. Each link that a trail takes loses one
+        tolerance at most, when a label is left out in favour of another that is worth less. There
+        are at most as many links as arcs, as an excursion is one for two arcs. Twice as much is
+        added, what rounding takes from what lies ahead, and as much again for labels.
         """
-        net, ahead, (states, *_) = self.net, completions(lines), lines[0][0]
-        n_steps, n_lines = len(stairs.heights), len(lines)
-        floats = np.empty(n_steps), np.empty(n_steps), np.empty((n_steps, n_lines))
-        corners = Corners(np.empty(n_steps, np.int64), *floats)
-        scratch = new_frontiers(net, prices.shape[1] - 1), self._free_labels()
-        search = LabelSearch(
-            *(net, states, prices, ahead, stairs, corners, np.empty(n_lines), *scratch),
-            tolerance=_LOSS * self.total / (2 * net.graph.n_arcs),
-            slack=_SLACK * self.total,
-            cap=float(prices[:, -1].sum()) * (1.0 + 1e-12),
-            fine=_FINE / effort,
-            n_most=int(min(_MOST_OUTCOMES * effort, self._deadline.left / _SECONDS_AN_OUTCOME)),
-        )
-        try:
-            n = raise_by_labels(search)
-        finally:
-            self._labels.append(search.labels)
-        self._deadline.work += _SECONDS_AN_OUTCOME * abs(n)
-        stairs.heights[:] += 2 * max(each.spare for each, _ in lines) + _LOSS * self.total
-        return n >= 0
-
-    def _free_labels(self) -> Labels:
-        """Return scratch for labels that no other thread uses."""
-        try:
-            return self._labels.pop()
-        except IndexError:
-            return new_labels(self._n_labels, self._most_states)
+        net, states = self.net, lines[0].states
+        with _lent(self._labels, self._new_labels) as labels:
+            search = LabelSearch(
+                net=net,
+                states=states,
+                prices=prices,
+                ahead=completions([(each, np.zeros(net.graph.n_nodes)) for each in lines]),
+                stairs=stairs,
+                corners=new_corners(len(stairs.heights), len(lines)),
+                most=np.empty(len(lines)),
+                frontiers=new_frontiers(net, prices.shape[1] - 1),
+                labels=labels,
+                tolerance=_LOSS * self.total / (2 * net.graph.n_arcs),
+                slack=_SLACK * self.total,
+                cap=float(prices[:, -1].sum()) * (1.0 + 1e-12),
+                fine=_FINE / effort,
+                n_most=0,
+            )
+            ended = self._deadline.run(
+                lambda n_most: raise_by_labels(search._replace(n_most=n_most)),
+                _MOST_OUTCOMES * effort,
+                _SECONDS_AN_OUTCOME,
+            )
+        stairs.heights[:] += 2 * max(each.spare for each in lines) + _LOSS * self.total
+        return ended
 
     def find_all(
         self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int
@@ -246,22 +248,15 @@ class Relaxation:
 
         These are the arcs of trails (n, n_arcs), and how many they are (n).
         """
-        try:
-            depths = self._depths.pop()
-        except IndexError:
-            depths = self._new_depths()
-        n_most = self._deadline.most_moves(rule.n_most)
-        try:
-            states, ahead = lines[0][0].states, completions(lines)
-            within = rule._replace(n_most=n_most)
-            n = find_trails(self.net, states, worth, ahead, stairs, within, depths)
-            self._deadline.work += SECONDS_A_MOVE * abs(n)
-            if -n > n_most and n_most < rule.n_most:
-                self._deadline.end()
+        given = self.net, lines[0][0].states, worth, completions(lines), stairs
+        with _lent(self._depths, self._new_depths) as depths:
+            ended = self._deadline.run(
+                lambda n_most: find_trails(*given, rule._replace(n_most=n_most), depths),
+                rule.n_most,
+                _SECONDS_A_MOVE,
+            )
             n_found = min(int(depths.found.n_trails), len(depths.n_arcs))
-            return n >= 0, depths.arcs[:n_found].copy(), depths.n_arcs[:n_found].copy()
-        finally:
-            self._depths.append(depths)
+            return ended, depths.arcs[:n_found].copy(), depths.n_arcs[:n_found].copy()
 
     def remember(self, trails: Sequence[RelaxedTrail]) -> bool:
         """Remember what relaxed trails do twice; return whether there was room for more.
@@ -298,6 +293,19 @@ class Relaxation:
                 after.append(state)
                 state = int(states.begin[into])
         return True
+
+
+@contextmanager
+def _lent(free: list[_Scratch], new: Callable[[], _Scratch]) -> Iterator[_Scratch]:
+    """Lend scratch that no other thread uses."""
+    try:
+        scratch = free.pop()
+    except IndexError:
+        scratch = new()
+    try:
+        yield scratch
+    finally:
+        free.append(scratch)
 
 
 def _as_lists(arcs: OffsetArray, n_arcs: OffsetArray) -> list[list[int]]:

@@ -30,7 +30,8 @@ _CUT = 1e-6  # by how much a row has to be violated to be added
 _TRAILS_AT_ONCE, _TEAMS_AT_ONCE = 30, 12  # rows that are added before it is solved again
 _MOST_MOVES = 2_000_000  # of a search, for each unit of effort
 _MOST_PRICES = 12  # that are tried at one place
-# Prices are tried until so many, one after another, have closed less than this share of the gap.
+# With labels, prices are tried until so many, one after another, have closed less than this share
+# of the gap.
 _LEAST_GAIN, _MOST_IDLE = 0.05, 2
 _CLOSE = 1e-3  # how near to the programme's value a bound has to come, as a share of it
 _MARGIN = 6  # steps by which a search begins below what it needs
@@ -120,21 +121,21 @@ class StairsProver:
         self._ground = ground
         self._centres: dict[tuple[int, float], FloatArray] = {}  # the best prices at each place
         # For one robot and for several, the efforts with which no search has ended somewhere.
-        self._too_little: set[tuple[bool, int]] = set()
+        self._gave_up: set[tuple[bool, int]] = set()
 
     def prove(self, target: Target, certificate: Certificate) -> Facts:
         """Prove sums for a target."""
         descend = self._prove_one if target.moving == 1 else self._descend
         kind = target.moving == 1, target.effort
-        if kind not in self._too_little:
+        if kind not in self._gave_up:
             facts = descend(target, certificate, relaxed=False)
-            if facts.is_proved:
+            if facts.is_proved or self._ground.deadline.is_over():
                 return facts
-            self._too_little.add(kind)
+            self._gave_up.add(kind)
         return descend(target, certificate, relaxed=True)
 
     def _descend(self, target: Target, certificate: Certificate, *, relaxed: bool) -> Facts:
-        """Step from the best prices to those of the programme.
+        """Step from the best prices known to those of the programme, or some way.
 
         Each time stairs are given a goal between the programme's value and the bound.
         """
@@ -220,7 +221,8 @@ class StairsProver:
         ground = self._ground
         if not relaxed:
             return ground.raise_stairs(visits, lines, stairs, _MOST_MOVES * effort)
-        return ground.relaxation.raise_by_labels(ground.spread(visits), lines, stairs, effort), 0
+        prices, ahead = ground.spread(visits), [each for each, _ in lines]
+        return ground.relaxation.raise_by_labels(prices, ahead, stairs, effort), 0
 
     def _first_step(self, moving: int, x: float) -> float:
         """Return the survival from which on trails are searched."""

@@ -1,15 +1,16 @@
-"""Stairs above all relaxed trails, by labels in order of descending survival.
+"""Stairs above all trails, by labels of relaxed trails in order of descending survival.
 
 A label is the beginning of a relaxed trail: its state, the probability s to be alive there, and
-what it is worth so far. What can follow does not depend on the past, and is worth the more the
-higher s is. So a label is extended only if it is worth more than all labels of its state before it,
-whose s was as high or higher: Desrochers and Soumis, "A generalized permanent labelling algorithm
-for the shortest path problem with time windows", INFOR 26(3), 1988.
+what it is worth so far, at most all prices together. Prices are convex and 0 at 0, and so they rise
+with s. What can follow does not depend on the past, and is worth the more the higher s is. So a
+label is extended only if it is worth more than all labels of its state before it, whose s was as
+high or higher: Desrochers and Soumis, "A generalized permanent labelling algorithm for the shortest
+path problem with time windows", INFOR 26(3), 1988.
 
-An excursion that begins alive with probability p comes back with a share of p, and is worth a
-convex function of p. For each level of the gate, the frontier of a piece lists what excursions are
-worth at most that come back with a share or more. Between two levels, the chord of what two
-frontiers say about the same share bounds the worth.
+An excursion that begins alive with probability p comes back with a share of p, the same for every
+p, and is worth a convex function of p. For each level of the gate, the frontier of a piece lists
+what excursions are worth at most that come back with a share or more. So between two levels, the
+chord of what their frontiers list for the share of an excursion is at least what it is worth.
 """
 
 from typing import NamedTuple
@@ -32,7 +33,8 @@ from botohe_moo.core.compile import helper, inlined, kernel
 
 _MOST_CORNERS = 256  # of a frontier
 _COARSER = 1.5  # how much more is taken together where a frontier has too many corners
-_STEPS_A_LABEL = 16  # of stairs, that are looked at in the time that a label takes
+# What is done in the time in which an outcome is looked at.
+_STEPS_AN_OUTCOME, _GATES_AN_OUTCOME = 16, 4
 
 
 class Frontiers(NamedTuple):
@@ -58,6 +60,7 @@ class Labels(NamedTuple):
     n_ends: OffsetArray
     ends: IntArray
     wide: FloatArray
+    latest: OffsetArray  # the corner of the stairs that was exceeded the last time (1)
     # In which states excursions into a piece begin and end: how many there are (1), and which
     # (n_states, 2).
     n_gates: OffsetArray
@@ -72,7 +75,7 @@ class LabelSearch(NamedTuple):
     net: Net
     states: States
     prices: FloatArray  # of visits (n_nodes, n_levels + 1)
-    ahead: Completions
+    ahead: Completions  # under the same prices, with nothing beside
     stairs: Stairs  # which are raised above all trails
     corners: Corners
     most: FloatArray  # scratch (n_lines)
@@ -81,8 +84,8 @@ class LabelSearch(NamedTuple):
     tolerance: float  # by how much a label has to be worth more than those before it
     slack: float  # stairs are raised by as much more, to skip equal trails
     cap: float  # what no label is worth more than
-    # Excursions stand for others that are worth as much, up to this share of what a trail above the
-    # stairs can be worse than the best.
+    # Ends of excursions are one corner of a frontier if their worth differs by no more than this
+    # share of what a trail above the stairs may be worse than the best.
     fine: float
     n_most: int  # outcomes of links to look at
 
@@ -91,16 +94,18 @@ def new_labels(n_room: int, n_states: int) -> Labels:
     """Return room for ``n_room`` labels."""
     alive, worth, wide = (np.empty(n_room) for _ in range(3))
     state, heap, ends = (np.empty(n_room, np.int32) for _ in range(3))
-    n_ends, n_gates = np.zeros((2, 1), np.int64)
+    n_ends, latest, n_gates = np.zeros((3, 1), np.int64)
     gates, best = np.empty((n_states, 2), np.int64), np.empty(n_states)
     outcomes = np.empty((2, 2 * _MOST_CORNERS))
-    return Labels(alive, worth, state, heap, best, n_ends, ends, wide, n_gates, gates, outcomes)
+    return Labels(
+        alive, worth, state, heap, best, n_ends, ends, wide, latest, n_gates, gates, outcomes
+    )
 
 
 def new_frontiers(net: Net, n_levels: int) -> Frontiers:
-    """Return frontiers without corners; there is room for one where all pieces are single nodes."""
+    """Return frontiers without corners; there is room for one where all pieces are dead ends."""
     shape = len(net.pieces.entry), n_levels + 1
-    n_corners = _MOST_CORNERS if len(net.pieces.of_option) >= len(net.pieces.entry) else 1
+    n_corners = _MOST_CORNERS if np.diff(net.pieces.first_option).max() > 1 else 1
     return Frontiers(np.zeros(shape, np.int64), *np.zeros((2, *shape, n_corners)))
 
 
@@ -191,16 +196,21 @@ def _is_above(search: LabelSearch, to: int, alive: float, worth: float) -> bool:
     for line in range(ahead.mu.shape[0]):
         search.most[line] = worth + chord(ahead.values[line], to, level)
     highest = step_of(alive * net.world.ways.home[node], stairs.width, stairs.heights.shape[0])
-    return exceeded(search.most, ahead.mu, search.corners, highest, 0) >= 0
+    latest = search.labels.latest
+    corner = exceeded(search.most, ahead.mu, search.corners, highest, latest[0])
+    if corner >= 0:
+        latest[0] = corner
+    return corner >= 0
 
 
 @helper
 def _settle(search: LabelSearch, piece: int, alive: float, least: float, tried: int) -> int:
     """Find the labels of a piece that a robot enters alive with some probability.
 
-    Trails have to survive with ``least``. In the base's piece, labels are left out that cannot come
-    home above the stairs, and those that do raise them. Returns ``tried`` and how many outcomes of
-    links were looked at, negative where ``n_most`` or the room was not enough.
+    The first label is the entry itself. Trails have to survive with ``least``. In the base's piece,
+    labels are left out that cannot come home above the stairs, and those that do raise them.
+    Returns ``tried``, which is what the search has cost so far, with the outcomes of links looked
+    at here; negative where ``n_most`` or the room was not enough.
     """
     net, states, stairs, labels = search.net, search.states, search.stairs, search.labels
     entry, n_steps, best, worth = (
@@ -233,7 +243,7 @@ def _settle(search: LabelSearch, piece: int, alive: float, least: float, tried: 
                 lift(stairs.heights, at, worth[label] + search.slack)
                 first = step_of(least, stairs.width, n_steps)
                 find_corners(stairs, search.ahead.mu, first, search.corners)
-                tried += n_steps // _STEPS_A_LABEL
+                tried += n_steps // _STEPS_AN_OUTCOME
         # Beyond a bridge, no trail is alive with more than reach.
         most_alive = here if piece == 0 else here / alive * net.reach[entry]
         for link in range(states.first[state], states.first[state + 1]):
@@ -248,7 +258,7 @@ def _settle(search: LabelSearch, piece: int, alive: float, least: float, tried: 
                     continue
                 if piece == 0 and not _is_above(search, to, here * share, value):
                     continue
-                if n == labels.alive.shape[0] or tried > search.n_most:
+                if n >= labels.alive.shape[0] or tried > search.n_most:
                     return -tried
                 labels.alive[n], worth[n], labels.state[n] = here * share, value, to
                 _push(labels, n_heap, n)
@@ -272,39 +282,40 @@ def _find_gates(search: LabelSearch, piece: int) -> None:
 
 
 @inlined
-def _loss(search: LabelSearch, above: int, at: int, level: float, worth: float) -> float:
+def _shortfall(search: LabelSearch, above: int, at: int, level: float, worth: float) -> float:
     """Return by how much an excursion is worse than what is best where it begins.
 
     It begins at level ``at`` of the gate, in the piece ``above``, and comes back at ``level``.
     """
-    ahead, gates, loss = search.ahead, search.labels.gates, np.inf
+    ahead, gates, least = search.ahead, search.labels.gates, np.inf
     for k in range(ahead.mu.shape[0] if above == 0 else ahead.n_slopes[0, above]):
         table, row = ahead.values[k], 0
         if above > 0:
             table, row = ahead.inside[0], ahead.row[0, above, k] - search.states.begin[above]
         for i in range(search.labels.n_gates[0]):
             after = chord(table, row + gates[i, 1], level)
-            loss = min(loss, table[row + gates[i, 0], at] - worth - after)
-    return loss
+            least = min(least, table[row + gates[i, 0], at] - worth - after)
+    return least
 
 
 @inlined
-def _write_frontier(search: LabelSearch, piece: int, at: int, spread: float) -> None:
-    """Write the frontier of a piece at level ``at`` of its gate.
+def _write_frontier(search: LabelSearch, piece: int, at: int, spread: float) -> int:
+    """Write the frontier of a piece at level ``at`` of its gate; return what that has cost.
 
-    A corner stands for several ends: it has the highest share and the highest worth of them. The
-    worse excursions are, and the worse than ``spread``, the more of them are one.
+    A corner stands for its first end and those after it that are not worth much more: it has the
+    highest share and the highest worth of them. It may stand for the more, the more excursions are
+    worse than what is best at their gate, if that is more than ``spread``.
     """
     net, labels, frontiers = search.net, search.labels, search.frontiers
     gate, n_levels = net.pieces.gate[piece], search.prices.shape[1] - 1
-    above, home = net.pieces.of[gate], net.world.graph.survival[net.pieces.back[piece]]
+    above, back = net.pieces.of[gate], net.world.graph.survival[net.pieces.back[piece]]
     shares, worths = frontiers.share[piece, at], frontiers.worth[piece, at]
-    n_ends, n_room = labels.n_ends[0], shares.shape[0]
+    alive, n_ends, n_room = net.reach[gate] * at / n_levels, labels.n_ends[0], shares.shape[0]
     for i in range(n_ends):
         label = labels.ends[i]
-        level = _level_at(net, gate, labels.alive[label] * home, n_levels)
-        labels.wide[i] = max(spread, _loss(search, above, at, level, labels.worth[label]))
-        labels.wide[i] *= search.fine
+        level = _level_at(net, gate, labels.alive[label] * back, n_levels)
+        worse = _shortfall(search, above, at, level, labels.worth[label])
+        labels.wide[i] = search.fine * max(spread, worse)
     n = n_room + 1
     while n > n_room:
         n, end = 0, -np.inf
@@ -314,19 +325,19 @@ def _write_frontier(search: LabelSearch, piece: int, at: int, spread: float) -> 
                 n += 1
                 end = labels.worth[label] + labels.wide[i]
                 if n <= n_room:
-                    alive = net.reach[gate] * at / n_levels
-                    shares[n - 1] = labels.alive[label] * home / alive
+                    shares[n - 1] = labels.alive[label] * back / alive
             worths[min(n, n_room) - 1] = labels.worth[label]
-            labels.wide[i] *= _COARSER
+            labels.wide[i] = _COARSER * labels.wide[i] + search.tolerance
     frontiers.n[piece, at] = n
+    return int(n_ends * labels.n_gates[0] // _GATES_AN_OUTCOME)
 
 
 @kernel
 def raise_by_labels(search: LabelSearch) -> int:
-    """Raise stairs above all relaxed trails.
+    """Raise stairs above all trails.
 
-    Returns how many outcomes of links were looked at, negative where ``n_most`` or the room was not
-    enough.
+    Returns how many outcomes of links were looked at, with other work in such units, negative where
+    ``n_most`` or the room was not enough.
     """
     net, ahead, stairs, corners = search.net, search.ahead, search.stairs, search.corners
     graph, pieces, frontiers = net.world.graph, net.pieces, search.frontiers
@@ -347,7 +358,7 @@ def raise_by_labels(search: LabelSearch) -> int:
                 tried = _settle(search, piece, alive, least, tried)
                 if tried < 0:
                     return tried
-                _write_frontier(search, piece, at, max(spread, search.tolerance))
+                tried += _write_frontier(search, piece, at, max(spread, 0.0))
             else:  # a dead end of one node
                 frontiers.n[piece, at] = 1
                 frontiers.share[piece, at, 0] = graph.survival[arc] * graph.survival[back]

@@ -12,7 +12,7 @@ import numpy as np
 from botohe_moo.base.types import FloatArray, IntArray, OffsetArray, Record, RecordArray, SeedArray
 from botohe_moo.bounds.kernels.relaxed import Worth, chord
 from botohe_moo.bounds.kernels.states import ROUNDING, Net, States
-from botohe_moo.core.compile import inlined, kernel
+from botohe_moo.core.compile import array_maker, inlined, kernel
 from botohe_moo.core.walk import new_visits, walk
 from botohe_moo.core.world import World
 
@@ -92,6 +92,13 @@ class Corners(NamedTuple):
     # What each line is worth without survival, at least, if it exceeds any of the corners so far
     # (n_steps, n_lines).
     needed: FloatArray
+
+
+@array_maker
+def new_corners(n_steps: int, n_lines: int) -> Corners:
+    """Return room for the corners of stairs with ``n_steps``."""
+    n, needed = np.empty(n_steps, np.int64), np.empty((n_steps, n_lines))
+    return Corners(n, np.empty(n_steps), np.empty(n_steps), needed)
 
 
 class Depths(NamedTuple):
@@ -374,8 +381,7 @@ def find_trails(
     n_levels, n_lines, n_stairs = prices.shape[1] - 1, ahead.mu.shape[0], heights.shape[0]
     least = max(stairs.least, net.min_survival) * (1.0 - ROUNDING)
     first, most = step_of(least, width, n_stairs), np.empty(n_lines)
-    n_corners, needed = np.empty(n_stairs, np.int64), np.empty((n_stairs, n_lines))
-    corners = Corners(n_corners, np.empty(n_stairs), np.empty(n_stairs), needed)
+    corners = new_corners(n_stairs, n_lines)
     find_corners(stairs, ahead.mu, first, corners)
     search, depth, n, latest = _begin(depths, states, ahead), 0, 0, 0
     while depth >= 0:
