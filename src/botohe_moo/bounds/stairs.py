@@ -120,18 +120,19 @@ class StairsProver:
     def __init__(self, ground: Ground) -> None:
         self._ground = ground
         self._centres: dict[tuple[int, float], FloatArray] = {}  # the best prices at each place
-        # For one robot and for several, the efforts with which no search has ended somewhere.
-        self._gave_up: set[tuple[bool, int]] = set()
+        # The highest place where searches gave up, by number of robots and effort: where fewer
+        # survivors are needed, there are more trails to search.
+        self._gave_up: dict[tuple[int, int], float] = {}
 
     def prove(self, target: Target, certificate: Certificate) -> Facts:
         """Prove sums for a target."""
         descend = self._prove_one if target.moving == 1 else self._descend
-        kind = target.moving == 1, target.effort
-        if kind not in self._gave_up:
+        kind = target.moving, target.effort
+        if target.x > self._gave_up.get(kind, -math.inf):
             facts = descend(target, certificate, relaxed=False)
             if facts.is_proved or self._ground.deadline.is_over():
                 return facts
-            self._gave_up.add(kind)
+            self._gave_up[kind] = target.x
         return descend(target, certificate, relaxed=True)
 
     def _descend(self, target: Target, certificate: Certificate, *, relaxed: bool) -> Facts:
