@@ -390,7 +390,7 @@ def test_no_plan_exceeds_stairs_at_any_stage(stairs_alone, short_search, seeds):
 @pytest.mark.parametrize("seeds", seeds(3, 50))
 @pytest.mark.parametrize("name", ["tunnel", "rooms", "mine"])
 def test_fronts_of_small_maps(no_front, monkeypatch, name, seeds):
-    """Also where searches for trails give up, so that labels are left.
+    """Also where searches for trails give up, so that labels are left, which prove less.
 
     Rooms have fewer dead ends and robots than usual: their true fronts are quicker to find.
     """
@@ -403,4 +403,4 @@ def test_fronts_of_small_maps(no_front, monkeypatch, name, seeds):
         monkeypatch.setattr(module, "_MOST_MOVES", [most_moves, 0][seed % 2])
         mission = load_mission(name, **given)
         true, [*_, last] = bounded_at_all_stages(mission, {}, seed, gap=0.02)
-        assert last.gap(true) < 0.05, seed
+        assert last.gap(true) < (0.15 if seed % 2 else 0.05), seed

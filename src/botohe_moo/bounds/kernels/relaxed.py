@@ -19,6 +19,7 @@ import numpy as np
 from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.bounds.kernels.states import Net, States
 from botohe_moo.core.compile import array_maker, inlined, kernel
+from botohe_moo.core.world import Graph
 
 _MOST_CHOICES = 2_000  # how often the choices of a level are improved
 _STRAIGHT = 1e-12  # how far prices may be from a straight line, relative
@@ -397,6 +398,31 @@ def look_ahead(
     return float(most_short)
 
 
+@inlined
+def _take(
+    graph: Graph,
+    arcs: OffsetArray,
+    paid: OffsetArray,
+    n: int,
+    arc: int,
+    pays: bool,
+    alive: float,
+) -> float:
+    """Write the next arc of a trail; return the probability to be alive behind it."""
+    arcs[n], paid[n] = arc, int(pays)
+    return float(alive * graph.survival[arc])
+
+
+@inlined
+def _nearest_slope(tables: Tables, piece: int, wanted: float) -> int:
+    """Return the slope of a piece that is the nearest to some."""
+    nearest = 0
+    for k in range(tables.n_slopes[piece]):
+        if abs(tables.slope[piece, k] - wanted) < abs(tables.slope[piece, nearest] - wanted):
+            nearest = k
+    return nearest
+
+
 @kernel
 def follow(
     net: Net,
@@ -434,24 +460,20 @@ def follow(
             there = tables.there[high, move] * part
             value = chord(table, offset + states.to[link], there)
             if states.pays[link]:
-                if move < n_arcs:
-                    value += chord(prices, graph.head[move], there)
-                else:
-                    value += tables.paid[high, move] * part
+                is_arc, gain = move < n_arcs, tables.paid[high, move] * part
+                value += chord(prices, graph.head[move], there) if is_arc else gain
             if n == 0:
                 most = max(most, value)
             if value > best + _SAME:
                 second, second_link, best, best_link = best, best_link, value, link
             elif value > second:
                 second, second_link = value, link
-        if step == turn and second_link >= 0:
-            best_link = second_link
+        best_link = second_link if step == turn and second_link >= 0 else best_link
         step += 1
         if best_link < 0:
             if piece == 0:
                 break
-            arcs[n], paid[n] = pieces.back[piece], 0
-            alive *= graph.survival[pieces.back[piece]]
+            alive = _take(graph, arcs, paid, n, pieces.back[piece], False, alive)
             n += 1
             depth -= 1
             state, k = after[depth], slopes[depth]
@@ -459,18 +481,16 @@ def follow(
             continue
         move, to = states.move[best_link], states.to[best_link]
         if move < n_arcs:
-            alive *= graph.survival[move]
-            arcs[n], paid[n] = move, int(states.pays[best_link])
+            alive = _take(graph, arcs, paid, n, move, states.pays[best_link], alive)
             n += 1
             state = to
             continue
         child = pieces.of_option[move - n_arcs]
-        arcs[n], paid[n] = pieces.arc[child], int(graph.reward[pieces.entry[child]] > 0.0)
-        alive *= graph.survival[pieces.arc[child]]
+        pays = graph.reward[pieces.entry[child]] > 0.0
+        alive = _take(graph, arcs, paid, n, pieces.arc[child], pays, alive)
         n += 1
         if pieces.first_option[child + 1] - pieces.first_option[child] == 1:
-            arcs[n], paid[n] = pieces.back[child], 0
-            alive *= graph.survival[pieces.back[child]]
+            alive = _take(graph, arcs, paid, n, pieces.back[child], False, alive)
             n += 1
             state = to
             continue
@@ -481,10 +501,7 @@ def follow(
         wanted = rise * n_levels / net.reach[node] * graph.survival[pieces.back[child]]
         after[depth], slopes[depth] = to, k
         depth += 1
-        k = 0
-        for other in range(tables.n_slopes[child]):
-            if abs(tables.slope[child, other] - wanted) < abs(tables.slope[child, k] - wanted):
-                k = other
+        k = _nearest_slope(tables, child, wanted)
         state, piece = states.begin[child], child
     return n, most
 

@@ -14,7 +14,7 @@ from botohe_moo.bounds.kernels.relaxed import Worth, chord
 from botohe_moo.bounds.kernels.states import ROUNDING, Net, States
 from botohe_moo.core.compile import array_maker, inlined, kernel
 from botohe_moo.core.walk import new_visits, walk
-from botohe_moo.core.world import World
+from botohe_moo.core.world import Graph, World
 
 # Survivals that are this much below a step of stairs, relative, count as on it.
 _EDGE = 5e-13
@@ -219,14 +219,60 @@ def _begin(depths: Depths, states: States, ahead: Completions) -> int:
 
 
 @inlined
+def _mark(depths: Depths, arc: int, back: int, pays: int, search: int) -> None:
+    """Note the search in which arcs are on the partial trail, and a node has paid; −1 for none."""
+    depths.used[arc] = search
+    if back >= 0:
+        depths.used[back] = search
+    if pays >= 0:
+        depths.met[pays] = search
+
+
+@inlined
+def _moved(graph: Graph, last: Record, arc: int, back: int) -> tuple[float, float, float]:
+    """Return the probability to get over an arc, that behind both, and the length."""
+    there = last.alive * graph.survival[arc]
+    if back < 0:
+        return there, there, last.length + graph.length[arc]
+    length = last.length + graph.length[arc] + graph.length[back]
+    return there, there * graph.survival[back], length
+
+
+@inlined
+def _used_after(
+    depths: Depths, before: int, cost: int, arc: int, back: int
+) -> tuple[int, int, int]:
+    """Return the bits of the arcs used up to the depth ``before`` and of a move, and the cost.
+
+    After an excursion, it does not matter which arcs it took.
+    """
+    step = depths.steps[before]
+    low, high = step.low ^ depths.keys[arc, 0], step.high ^ depths.keys[arc, 1]
+    cost += depths.cost[arc]
+    if back >= 0:
+        low, high = low ^ depths.keys[back, 0], high ^ depths.keys[back, 1]
+        cost += depths.cost[back]
+    return low, high, min(cost, int(2 * _LARGEST * _UNIT))
+
+
+@inlined
+def _add_left(
+    depths: Depths, ahead: Completions, depth: int, pays: int, value: float, most: FloatArray
+) -> None:
+    """Add what a partial trail is worth, and what is left beside prices, to what lies ahead."""
+    for line in range(most.shape[0]):
+        left = depths.left[depth, line]
+        if pays >= 0:
+            left -= ahead.beside[line, pays]
+        depths.left[depth + 1, line] = left
+        most[line] += value + left
+
+
+@inlined
 def _take_back(depths: Depths, depth: int) -> None:
     """Take the last move of the partial trail back."""
     last = depths.steps[depth]
-    depths.used[last.arc] = -1
-    if last.back >= 0:
-        depths.used[last.back] = -1
-    if last.pays >= 0:
-        depths.met[last.pays] = -1
+    _mark(depths, last.arc, last.back, last.pays, -1)
 
 
 @inlined
@@ -391,29 +437,21 @@ def find_trails(
                 _take_back(depths, depth)
             depth -= 1
             continue
-        link = last.link
-        last.link += 1
+        last.link, link = last.link + 1, last.link
         arc, back, child, to = _move_of(net, states, last, steps[last.context], link)
         if arc < 0 or depths.used[arc] == search:
             continue
         visit, node = graph.head[arc], states.node[to]
-        there = last.alive * graph.survival[arc]
-        alive, length = there, last.length + graph.length[arc]
-        if back >= 0:
-            alive *= graph.survival[back]
-            length += graph.length[back]
-        at_home = alive * home[node]
-        if at_home < least:
-            continue
-        if (length + net.home_length[node]) * (1.0 - ROUNDING) > net.max_length:
+        there, alive, length = _moved(graph, last, arc, back)
+        at_home, longest = alive * home[node], (length + net.home_length[node]) * (1.0 - ROUNDING)
+        if at_home < least or longest > net.max_length:
             continue
         n += 1
         if n > rule.n_most:
             break
-        value, pays = last.value, -1
-        if graph.reward[visit] > 0.0 and depths.met[visit] != search:
-            value += chord(prices, visit, there / net.reach[visit] * n_levels)
-            pays = visit
+        is_new = graph.reward[visit] > 0.0 and depths.met[visit] != search
+        value, pays = last.value, visit if is_new else -1
+        value += chord(prices, visit, there / net.reach[visit] * n_levels) if is_new else 0.0
         if node == base:
             at = step_of(alive, width, n_stairs)
             if value + mu * alive > heights[at]:
@@ -424,50 +462,31 @@ def find_trails(
                 elif found.n_trails == depths.n_arcs.shape[0]:
                     break
                 _record(depths, depth, arc, back)
-        context = last.context
+        context, before = last.context, depth
         if link < states.first[last.state]:
-            context = steps[context].outer
+            context, before = steps[context].outer, context
         elif child >= 0:
             n += _enter(net, states, ahead, depths, depth, states.to[link], child, most) // _LINK
             context = depth + 1
         _bound_ahead(net, states, ahead, depths, context, to, alive, most)
-        for line in range(n_lines):
-            left = depths.left[depth, line]
-            if pays >= 0:
-                left -= ahead.beside[line, pays]
-            depths.left[depth + 1, line] = left
-            most[line] += value + left
-        highest = step_of(at_home, width, n_stairs)
-        corner = exceeded(most, ahead.mu, corners, highest, latest)
+        _add_left(depths, ahead, depth, pays, value, most)
+        corner = exceeded(most, ahead.mu, corners, step_of(at_home, width, n_stairs), latest)
         if corner < 0:
             continue
         latest = corner
-        low, high = last.low ^ depths.keys[arc, 0], last.high ^ depths.keys[arc, 1]
-        if link < states.first[last.state]:
-            # After an excursion, it does not matter which arcs it took.
-            entered = steps[last.context]
-            low, high = entered.low ^ depths.keys[arc, 0], entered.high ^ depths.keys[arc, 1]
-        if back >= 0:
-            low, high = low ^ depths.keys[back, 0], high ^ depths.keys[back, 1]
-        cost = last.cost + depths.cost[arc] + (depths.cost[back] if back >= 0 else 0)
-        cost = min(cost, int(2 * _LARGEST * _UNIT))
-        budgeted = length if net.max_length < np.inf else 0.0
-        if not rule.every and _is_seen(depths, search, low, high, cost, value, budgeted):
+        low, high, cost = _used_after(depths, before, last.cost, arc, back)
+        far = length if net.max_length < np.inf else 0.0
+        if not rule.every and _is_seen(depths, search, low, high, cost, value, far):
             continue
         after, outer = states.to[link] if child >= 0 else -1, last.context
         depth += 1
         step = steps[depth]
         step.state, step.arc, step.back, step.pays, step.context = to, arc, back, pays, context
-        step.link = states.first[to]
-        if node == pieces.entry[pieces.of[node]] and node != base:
-            step.link -= 1
+        is_entry = node == pieces.entry[pieces.of[node]] and node != base
+        step.link = states.first[to] - (1 if is_entry else 0)
         step.after, step.outer, step.cost = after, outer, cost
         step.alive, step.value, step.length, step.low, step.high = alive, value, length, low, high
-        depths.used[arc] = search
-        if back >= 0:
-            depths.used[back] = search
-        if pays >= 0:
-            depths.met[pays] = search
+        _mark(depths, arc, back, pays, search)
     return n if depth < 0 else -n
 
 
