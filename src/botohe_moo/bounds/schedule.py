@@ -31,7 +31,7 @@ _FIRST = 0.5, 0.75, 0.25
 _HALVED_IN = 0.15
 # A turn counts as if it closed at least this share of the gap, and the speed of kinds that wait
 # grows by this factor in each turn.
-_LEAST_CLOSED, _AGES = 1e-3, 1.08
+_LEAST_CLOSED, _AGES = 1e-3, 1.2
 _NEAR = 1 / 48  # of the range of E[S]: steps as near as this are as hard
 _CLOSE = 5e-4  # share of its goal by which the bound has to exceed it for a step to be tried
 # The goal of a step that is too hard is raised by a share of the gap; from a largest share on, the
