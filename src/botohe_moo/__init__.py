@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from botohe_moo.mission import Kind as Kind
     from botohe_moo.mission import Mission as Mission
     from botohe_moo.mission import MissionError as MissionError
+    from botohe_moo.mission import Scenario as Scenario
     from botohe_moo.mission import load_mission as load_mission
     from botohe_moo.mission import mission_from_tables as mission_from_tables
     from botohe_moo.mission import mission_names as mission_names

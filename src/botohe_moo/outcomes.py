@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, overload
 
 import networkx as nx
 import numpy as np
@@ -296,6 +296,9 @@ def survivors_distribution(
     check_mission(mission).evaluate([plan])
     if kind is not None:
         check_choice("kind", kind, [known.name for known in mission.kinds])
+    if mission.scenarios:
+        found = [(p, survivors_distribution(one, plan, kind=kind)) for p, one in mission.in_scenarios]
+        return _mixture(found)
     counts = [kind in (None, of.name) for of in mission.kind_of]
     followed = follow(mission, plan)
     returns = np.sort(followed.alive[followed.offsets[1:][counts] - 1])
@@ -363,6 +366,10 @@ def reward_distribution(
     n_samples = check("n_samples", n_samples, int, ge=1)
     check_mission(mission).evaluate([plan])
     generator = _generator(random_state)
+    if mission.scenarios:
+        how: Any = {"max_outcomes": max_outcomes, "n_samples": n_samples, "random_state": generator}
+        cases = mission.in_scenarios
+        return _mixture([(p, reward_distribution(one, plan, **how)) for p, one in cases])
     # Robots of a kind are identical, so the result must not depend on the order of their trails.
     followed = follow(mission, TrailPlan(sorted(plan.trails)))
     try:
@@ -372,6 +379,15 @@ def reward_distribution(
         found = merged(rewards, np.full(n_samples, 1 / n_samples))
         return Distribution(found.values, found.probabilities, n_samples)
     return Distribution(found.values, found.probabilities)
+
+
+def _mixture(found: Sequence[tuple[float, Distribution]]) -> Distribution:
+    """Return the distribution over all scenarios, from their probabilities and distributions."""
+    values = np.concatenate([one.values for _, one in found])
+    chances = np.concatenate([p * one.probabilities for p, one in found])
+    both = merged(values, chances / chances.sum())
+    samples = [one.n_samples for _, one in found if one.n_samples is not None]
+    return Distribution(both.values, both.probabilities, min(samples, default=None))
 
 
 def simulate(
@@ -393,7 +409,8 @@ def simulate(
     -------
     pandas.DataFrame
         One row per mission: ``reward`` (team reward), ``survivors`` (number of robots), and for
-        robot k, from 0 in the order of the plan, ``hops_k``: the number of arcs it survived.
+        robot k, from 0 in the order of the plan, ``hops_k``: the number of arcs it survived. With
+        scenarios, also ``scenario``, the name of the one that was drawn.
 
     Examples
     --------
@@ -410,12 +427,42 @@ def simulate(
     1     5.0          2       2       0
     2     5.0          1       1       0
     """
-    import pandas as pd
-
     n_missions = check("n_missions", n_missions, int, ge=1)
     check_mission(mission).evaluate([plan])
+    if mission.scenarios:
+        return _simulate_scenarios(mission, plan, n_missions, _generator(random_state))
     followed = follow(mission, plan)
     draws = _draws(followed, n_missions, _generator(random_state))
+    return _as_frame(mission, plan, followed, draws)
+
+
+def _simulate_scenarios(
+    mission: Mission, plan: TrailPlan, n_missions: int, generator: Rng
+) -> pd.DataFrame:
+    """Simulate a mission with scenarios, of which each simulated one draws its own."""
+    import pandas as pd
+
+    followed = [follow(one, plan) for _, one in mission.in_scenarios]
+    n_draws = max(len(of.offsets) - 1 + len(_unsure(of)) for of in followed)
+    draws = generator.random((n_missions, 1 + n_draws))
+    ends = np.cumsum([p for p, _ in mission.in_scenarios])
+    drawn = np.minimum(np.searchsorted(ends, draws[:, 0], side="right"), len(ends) - 1)
+    parts = []
+    for s, (of, (_, one)) in enumerate(zip(followed, mission.in_scenarios, strict=True)):
+        rows = np.flatnonzero(drawn == s)
+        part = _as_frame(one, plan, of, draws[rows, 1:]).set_index(rows)
+        part.insert(2, "scenario", mission.scenarios[s].name)
+        parts.append(part)
+    return pd.concat(parts).sort_index()
+
+
+def _as_frame(
+    mission: Mission, plan: TrailPlan, followed: Followed, draws: FloatArray
+) -> pd.DataFrame:
+    """Return the table of simulated missions, a row of draws for each."""
+    import pandas as pd
+
+    n_missions = len(draws)
     alive, hops = followed.alive, np.empty((n_missions, plan.n_robots), np.int64)
     lengths = np.diff(plan.offsets)
     for robot, stop in enumerate(followed.offsets[1:].tolist()):
@@ -490,16 +537,44 @@ def reach_probabilities(mission: Mission, plan: TrailPlan) -> FloatArray:
     [[1.0, 0.81, 0.0, 0.81, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0]]
     """
     check_mission(mission).evaluate([plan])
-    followed = follow(mission, plan)
-    return _by_node(mission, followed, followed.alive)
+
+    def reached(one: Mission) -> FloatArray:
+        followed = follow(one, plan)
+        return _by_node(one, followed, followed.alive)
+
+    return expected_over(mission, reached)
+
+
+def expected_over(mission: Mission, of: Callable[[Mission], FloatArray]) -> FloatArray:
+    """Return the mean over all scenarios of a function of the mission in each."""
+    if not mission.scenarios:
+        return of(mission)
+    found: FloatArray = np.sum([p * of(one) for p, one in mission.in_scenarios], axis=0)
+    return found
+
+
+def team_chances(
+    chances: Callable[[Mission, TrailPlan], FloatArray], mission: Mission, plan: TrailPlan
+) -> FloatArray:
+    """Compute with what probability some robot reaches each node, or collects its reward.
+
+    ``chances`` is :func:`reach_probabilities` or :func:`collect_probabilities`. Robots are lost
+    independently in each scenario only.
+    """
+    return expected_over(mission, lambda one: team_reach(chances(one, plan)))
+
+
+def rewards_alone(mission: Mission, plan: TrailPlan) -> FloatArray:
+    """Compute the E[R] of each robot if there were no others (robots,)."""
+    return expected_over(mission, lambda one: collect_probabilities(one, plan) @ one.rewards)
 
 
 def collect_probabilities(mission: Mission, plan: TrailPlan) -> FloatArray:
     """Compute with what probability each robot collects the reward of each node.
 
     It is P(arrive) · share, or, if the node pays on return, P(reach a depot after the visit) ·
-    share. The team's E[R] follows by :func:`team_reach`. In a plain mission these are the
-    probabilities to reach the nodes.
+    share. Without scenarios, the team's E[R] follows by :func:`team_reach`. In a plain mission
+    these are the probabilities to reach the nodes.
 
     Parameters
     ----------
@@ -522,7 +597,7 @@ def collect_probabilities(mission: Mission, plan: TrailPlan) -> FloatArray:
     [[1.0, 0.656, 0.0, 0.656, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0]]
     """
     check_mission(mission).evaluate([plan])
-    return collected(mission, plan)
+    return expected_over(mission, lambda one: collected(one, plan))
 
 
 def collected(mission: Mission, plan: TrailPlan) -> FloatArray:
@@ -580,13 +655,14 @@ class Followed(NamedTuple):
 
 
 def follow(mission: Mission, plan: TrailPlan) -> Followed:
-    """Follow the trails of a valid plan."""
+    """Follow the trails of a valid plan of a mission without scenarios."""
     graph, team, returns = mission.world.graph, mission.world.team, mission.world.returns
     nodes = plan.nodes.astype(np.int64)
     arcs, alive = graph.tail * graph.n_nodes + graph.head, np.ones(len(nodes))
     for start, stop in pairwise(plan.offsets.tolist()):
         hops = nodes[start : stop - 1] * graph.n_nodes + nodes[start + 1 : stop]
-        alive[start + 1 : stop] = np.cumprod(graph.survival[np.searchsorted(arcs, hops)])
+        [survival] = graph.survival  # of a mission without scenarios
+        alive[start + 1 : stop] = np.cumprod(survival[np.searchsorted(arcs, hops)])
     offsets, credited = plan.offsets, alive
     if returns is not None:  # what robots carry comes first
         nodes, alive, offsets = _with_aboard(team, returns, nodes, alive, offsets)

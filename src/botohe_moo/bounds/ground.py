@@ -155,5 +155,5 @@ def most_survival(net: Net) -> float:
     """Return the largest probability to survive of a robot that moves."""
     graph = net.graph
     leaving = slice(graph.first[net.base], graph.first[net.base + 1])
-    survival = graph.survival[leaving] * net.world.ways.home[graph.head[leaving]]
+    survival = graph.mean_survival[leaving] * net.world.ways.home[graph.head[leaving]]
     return min(1.0, float(survival.max(initial=0.0)) * (1.0 + CHECKING))  # products are rounded

@@ -57,7 +57,7 @@ def new_net(world: World, unit: float = 1.0) -> Net:
     world = _rebuilt(world, np.flatnonzero(kept), reward)
     graph = world.graph
     reach = _best_reach(graph, outward.ways.home)
-    ratio = np.minimum(reach[graph.tail] * graph.survival / reach[graph.head], 1.0)
+    ratio = np.minimum(reach[graph.tail] * graph.mean_survival / reach[graph.head], 1.0)
     pieces = _packed(world, pieces_of(world))
     return Net(world, reach, ratio, _lengths_home(world), min_survival, max_length, pieces)
 
@@ -133,7 +133,7 @@ def _best_reach(graph: Graph, reach: FloatArray) -> FloatArray:
     reach = np.maximum(reach, _LEAST_REACH)
     while True:
         better = reach.copy()
-        np.maximum.at(better, graph.head, reach[graph.tail] * graph.survival)
+        np.maximum.at(better, graph.head, reach[graph.tail] * graph.mean_survival)
         if np.array_equal(better, reach):
             return reach
         reach = better
@@ -143,9 +143,10 @@ def _rebuilt(
     world: World, arcs: OffsetArray, reward: FloatArray, *, is_reversed: bool = False
 ) -> World:
     """Return a world without limits of some of the arcs in their order, with other rewards."""
-    graph, team = world.graph, world.team._replace(reward=reward.copy())
+    own = reward.copy()
+    graph, team = world.graph, world.team._replace(reward=own, worth=own)
     tail, head = (graph.head, graph.tail) if is_reversed else (graph.tail, graph.head)
-    of_arcs = tail[arcs], head[arcs], graph.survival[arcs], graph.length[arcs]
+    of_arcs = tail[arcs], head[arcs], graph.probability, graph.survival[:, arcs], graph.length[arcs]
     limits = new_limits([0.0], [math.inf], [world.n_robots])
     return new_world(*of_arcs, team.reward, team, limits, None)
 
@@ -160,7 +161,7 @@ def _needed(world: World, outward: World, min_survival: float, max_length: float
     """Return which arcs a trail within the limits may take to collect a reward."""
     graph = world.graph
     kept = _arrives(outward)[graph.tail] & _arrives(world)[graph.head]
-    alive = outward.ways.home[graph.tail] * graph.survival * world.ways.home[graph.head]
+    alive = outward.ways.home[graph.tail] * graph.mean_survival * world.ways.home[graph.head]
     kept &= alive >= min_survival * (1.0 - ROUNDING)
     out, home = map(_lengths_home, (outward, world))
     length = out[graph.tail] + graph.length + home[graph.head]

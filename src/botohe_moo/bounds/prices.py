@@ -241,7 +241,7 @@ class Pool:
             survival, [reached] = follow_trails(self._net.world, taken, np.array([len(arcs)]))
             nodes = np.flatnonzero(reached)
             return list(zip(nodes.tolist(), reached[nodes].tolist(), strict=True)), survival[0]
-        alive, heads = graph.survival[arcs].cumprod(), graph.head[arcs].tolist()
+        alive, heads = graph.mean_survival[arcs].cumprod(), graph.head[arcs].tolist()
         paying = zip(heads, alive.tolist(), paid, strict=True)
         return [(node, chance) for node, chance, pays in paying if pays], alive[-1]
 

@@ -164,7 +164,7 @@ class Relaxation:
             given = net, ahead.states, ahead.worth, ahead.tables, ahead.values
             n, _ = follow(*given, turn, arcs, paid)
             if n > max(turn, 0):
-                heads, alive = net.graph.head[arcs[:n]], net.graph.survival[arcs[:n]].cumprod()
+                heads, alive = net.graph.head[arcs[:n]], net.graph.mean_survival[arcs[:n]].cumprod()
                 high = np.minimum((alive / net.reach[heads] * n_levels).astype(int) + 1, n_levels)
                 is_worth = (paid[:n] > 0) & (ahead.worth.prices[heads, high] > 1e-12)
                 found.append(RelaxedTrail(arcs[:n].tolist(), is_worth.tolist()))

@@ -6,7 +6,7 @@ import numpy as np
 
 from botohe_moo.base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.core.compile import array_maker, at_once, helper, inlined, shared
-from botohe_moo.core.walk import Visits, begin_walk, end_walk, new_visits, sort_trails, visit
+from botohe_moo.core.walk import new_visits, sort_trails, walk
 from botohe_moo.core.world import Graph, Returns, Team, World, find_arc
 
 # What may be wrong with a trail. ``evaluate`` returns the first fault as
@@ -43,16 +43,18 @@ class Reached(NamedTuple):
     """Scratch: what the robots of a plan reach together."""
 
     plan: OffsetArray  # the number of the plan (1)
-    seen_by: OffsetArray  # the last plan that reaches each node (n_nodes)
-    chance: FloatArray  # the probability that the plan reaches each node (n_nodes)
-    # The nodes that it reaches, in the order in which they were added (n_nodes), and how many (1).
+    # Of each node in each scenario, as in ``Team.worth``, the last plan that reaches it, and the
+    # probability that the plan does.
+    seen_by: OffsetArray
+    chance: FloatArray
+    # What it reaches, in the order in which it was added, and how much that is (1).
     nodes: OffsetArray
     n: OffsetArray
 
 
 @array_maker
 def new_reached(n_nodes: int) -> Reached:
-    """Return scratch for plans of a mission of ``n_nodes`` nodes."""
+    """Return scratch for plans of a mission, where ``Team.worth`` has ``n_nodes`` entries."""
     return Reached(
         np.zeros(1, np.int64),
         np.zeros(n_nodes, np.int64),
@@ -81,15 +83,15 @@ def combine(reached: Reached, node: int | np.int64, alive: float) -> None:
 
 
 @helper
-def expected_reward(reward: FloatArray, reached: Reached) -> float:
+def expected_reward(worth: FloatArray, reached: Reached) -> float:
     """Return E[R] of the plan: the rewards of its nodes, in the order in which they were added.
 
-    ``reward`` is that of each node of the mission.
+    ``worth`` is that of the team.
     """
     total = 0.0
     for i in range(reached.n[0]):
         node = reached.nodes[i]
-        total += reward[node] * reached.chance[node]
+        total += worth[node] * reached.chance[node]
     return total
 
 
@@ -121,50 +123,41 @@ def _hop(graph: Graph, used: OffsetArray, trail: int, tail: int, head: int) -> t
 def _follow(
     graph: Graph,
     team: Team,
-    returns: Returns | None,
     used: OffsetArray,
-    visits: Visits,
     nodes: IntArray,
     offsets: OffsetArray,
     trail: int,
-) -> tuple[float, float, int, int, int, int]:
-    """Walk a trail up to its first fault, where the robot is lost, and list what it visits.
+    arcs: OffsetArray,
+) -> tuple[int, int, int, int]:
+    """Write the arcs of a trail up to its first fault; ``used`` is the last trail that used each.
 
-    ``used`` is the last trail that used each arc. Returns the probability to survive the trail, its
-    length, the number of visits and of faults, and kind and position of the first fault.
+    Returns how many arcs there are, −1 where the trail does not begin at its start; the number of
+    faults; and kind and position of the first fault.
     """
-    robot = trail % team.start.shape[0]
-    source = team.start[robot]
+    source = team.start[trail % team.start.shape[0]]
     start, stop = offsets[trail], offsets[trail + 1]
     node = int(nodes[start]) if stop > start else -1
     kind = position = n_faults = n = 0
     if node != source:
-        n_faults = 1
+        n_faults, n = 1, -1
         known = 0 <= node < graph.reward.shape[0]
         kind = EMPTY_TRAIL if stop <= start else NOT_FROM_BASE if known else UNKNOWN_NODE
-    else:
-        n = begin_walk(graph, team, returns, robot, visits)
-    alive, length = 1.0, 0.0
-    for i in range(start + 1, stop if kind == VALID else 0):
+    for i in range(start + 1, stop):
         head = int(nodes[i])
-        arc, kind = _hop(graph, used, trail, node, head)
-        if kind != VALID:
-            position = i - start
-            break
-        alive *= graph.survival[arc]
-        length += graph.length[arc]
-        n = visit(graph, team, returns, head, alive, n, visits)
+        arc, fault = _hop(graph, used, trail, node, head)
         node = head
-    end_walk(team, returns, robot, n, visits)
-    for i in range(start + max(1, position), stop if kind != VALID else 0):
-        head = int(nodes[i])
-        n_faults += _hop(graph, used, trail, node, head)[1] != VALID
-        node = head
+        if fault != VALID:
+            n_faults += 1
+            if kind == VALID:
+                kind, position = fault, i - start
+        elif kind == VALID:
+            arcs[n] = arc
+            n += 1
     if node != team.end[source]:
         n_faults += 1
         if kind == VALID:
             kind, position = NOT_BACK_AT_BASE, stop - start - 1
-    return alive if kind == VALID else 0.0, length, n, n_faults, kind, position
+    return n, n_faults, kind, position
 
 
 def evaluate(
@@ -200,7 +193,8 @@ def _evaluate(
     graph, team, values = shared(graph), shared(team), shared(values)
     n_robots = team.start.shape[0]
     order, used = np.empty(n_robots, np.int64), np.full(graph.head.shape[0], -1)
-    visits, reached = new_visits(graph.reward.shape[0]), new_reached(team.reward.shape[0])
+    arcs, reached = np.empty(graph.head.shape[0], np.int64), new_reached(team.worth.shape[0])
+    visits = new_visits(graph.reward.shape[0], graph.probability.shape[0])
     for plan in range(values.objectives.shape[0]):
         for k in range(n_robots):
             order[k] = plan * n_robots + k
@@ -210,17 +204,20 @@ def _evaluate(
         survivors = 0.0
         for k in range(n_robots):
             trail, robot = order[k], order[k] - plan * n_robots
-            alive, length, n, n_wrong, kind, at = _follow(
-                graph, team, returns, used, visits, nodes, offsets, trail
-            )
+            n_arcs, n_wrong, kind, at = _follow(graph, team, used, nodes, offsets, trail, arcs)
             if strict and kind != VALID:
                 return kind, plan, robot, at
+            n, alive, length = 0, 0.0, 0.0
+            if n_arcs >= 0:
+                n, alive, length = walk(graph, team, returns, arcs, n_arcs, robot, visits)
+            if kind != VALID:
+                alive = 0.0
             for v in range(n):
                 combine(reached, visits.node[v], visits.chance[v])
             n_faults += n_wrong
             survivors += alive
             values.alive[plan, robot], values.lengths[plan, robot] = alive, length
-        values.objectives[plan, 0] = expected_reward(team.reward, reached)
+        values.objectives[plan, 0] = expected_reward(team.worth, reached)
         values.objectives[plan, 1] = survivors
         values.faults[plan] = n_faults
     return VALID, 0, 0, 0

@@ -178,7 +178,7 @@ def search_near(graph: Graph, paths: Paths, used: OffsetArray, near: Near, sourc
     for i in range(n - 1):
         node = paths.order[i + 1]
         arc = paths.entry[node]
-        alive[node] = alive[graph.tail[arc]] * graph.survival[arc]
+        alive[node] = alive[graph.tail[arc]] * graph.mean_survival[arc]
         near.nodes[source, i], near.reach[source, i] = node, alive[node]
 
 
@@ -273,7 +273,7 @@ def way_within(
 def _keeps(world: World, paths: Paths, n: int, robot: int, alive: float, length: float) -> bool:
     """Return whether a robot's trail that goes on by ``paths.path`` keeps its limits."""
     for i in range(n):
-        alive *= world.graph.survival[paths.path[i]]
+        alive *= world.graph.mean_survival[paths.path[i]]
         length += world.graph.length[paths.path[i]]
     return keeps(world.limits, robot, alive, length)
 

@@ -104,8 +104,9 @@ CARRIED = -1.0  # instead of a probability, of visits that have not been credite
 class Visits(NamedTuple):
     """Scratch of walks: what a trail visits that may be worth something."""
 
-    # The nodes of the mission in the order of first visits, what robots carry from the start
-    # before these; and the probability that each is credited (n_nodes).
+    # In one scenario after another, the nodes of the mission in the order of first visits, what
+    # robots carry from the start before these, as indices of ``Team.worth``; and the probability
+    # that each is credited then (n_scenarios · n_nodes).
     node: OffsetArray
     chance: FloatArray
     seen: OffsetArray  # the last walk that came to each node of the layers (n_nodes)
@@ -113,11 +114,11 @@ class Visits(NamedTuple):
 
 
 @array_maker
-def new_visits(n_nodes: int) -> Visits:
+def new_visits(n_nodes: int, n_scenarios: int) -> Visits:
     """Return scratch for walks through a graph of ``n_nodes`` nodes."""
     return Visits(
-        np.empty(n_nodes, np.int64),
-        np.empty(n_nodes),
+        np.empty(n_scenarios * n_nodes, np.int64),
+        np.empty(n_scenarios * n_nodes),
         np.zeros(n_nodes, np.int64),
         np.zeros(1, np.int64),
     )
@@ -125,7 +126,8 @@ def new_visits(n_nodes: int) -> Visits:
 
 @helper
 def walk(
-    world: World,
+    graph: Graph,
+    team: Team,
     returns: Returns | None,
     arcs: IntArray | OffsetArray,
     n_arcs: int,
@@ -134,78 +136,93 @@ def walk(
 ) -> tuple[int, float, float]:
     """List what a robot visits on a trail, and with what probability each reward is credited.
 
-    A reward that counts on arrival is credited with share · (probability to get there), one on
-    return with share · (probability to get to the next depot), or 0 if there is none. Returns how
-    many visits there are, and the survival and the length of the trail. ``returns`` are those of
-    the world.
+    In each scenario, a reward that counts on arrival is credited with share · (probability to get
+    there), one on return with share · (probability to get to the next depot), or 0 if there is
+    none. Returns how many visits there are in all scenarios, and the survival, over all scenarios,
+    and the length of the trail.
     """
-    graph = world.graph
-    alive, length, n = 1.0, 0.0, begin_walk(graph, world.team, returns, robot, visits)
-    for i in range(n_arcs):
-        arc = arcs[i]
-        alive *= graph.survival[arc]
-        length += graph.length[arc]
-        n = visit(graph, world.team, returns, graph.head[arc], alive, n, visits)
-    end_walk(world.team, returns, robot, n, visits)
-    return n, alive, length
+    survival = length = 0.0
+    n, n_scenarios = 0, graph.probability.shape[0]
+    for scenario in range(n_scenarios):
+        survivals, alive, length, first = graph.survival[scenario], 1.0, 0.0, n
+        n = _begin(graph, team, returns, robot, scenario, n, visits)
+        for i in range(n_arcs):
+            arc = arcs[i]
+            alive *= survivals[arc]
+            length += graph.length[arc]
+            n = _visit(graph, team, returns, graph.head[arc], alive, scenario, first, n, visits)
+        # What the robot still carries is never credited.
+        _credit_carried(team, returns, visits, team.start[robot], first, n, 0.0)
+        survival += graph.probability[scenario] * alive
+    return n, survival, length
 
 
 @inlined
-def begin_walk(
-    graph: Graph, team: Team, returns: Returns | None, robot: int, visits: Visits
+def _begin(
+    graph: Graph,
+    team: Team,
+    returns: Returns | None,
+    robot: int,
+    scenario: int,
+    n: int,
+    visits: Visits,
 ) -> int:
     """List what a robot carries from the start, and its visit there; return how many these are."""
     visits.n_walks[0] += 1
-    n, source = 0, team.start[robot]
+    first_visit, source = n, team.start[robot]
     first, stop = worlds.aboard_of(returns, robot)
     for i in range(first, stop):
         node = worlds.aboard_at(returns, worlds.layer_of(team, source), i)
         visits.seen[node] = visits.n_walks[0]
-        visits.node[n], visits.chance[n] = team.origin[node], CARRIED
+        visits.node[n] = scenario * graph.reward.shape[0] + team.origin[node]
+        visits.chance[n] = CARRIED
         n += 1
-    return visit(graph, team, returns, source, 1.0, n, visits)
+    return _visit(graph, team, returns, source, 1.0, scenario, first_visit, n, visits)
 
 
 @inlined
-def visit(
+def _visit(
     graph: Graph,
     team: Team,
     returns: Returns | None,
     node: int,
     alive: float,
+    scenario: int,
+    first: int,
     n: int,
     visits: Visits,
 ) -> int:
     """Note that a robot gets to a node, with probability ``alive``, after ``n`` visits.
 
-    Returns how many visits there are then.
+    Those of this scenario begin with ``first``. Returns how many visits there are then.
     """
     if visits.seen[node] != visits.n_walks[0]:
         visits.seen[node] = visits.n_walks[0]
         if graph.reward[node] > 0.0:
-            visits.node[n], visits.chance[n] = team.origin[node], alive * team.share[node]
+            visits.node[n] = scenario * graph.reward.shape[0] + team.origin[node]
+            visits.chance[n] = alive * team.share[node]
             if worlds.credit_of(returns, node) == worlds.AT_NEXT_DEPOT:
                 visits.chance[n] = CARRIED
             n += 1
     if worlds.credit_of(returns, node) == worlds.AT_THIS_DEPOT:
-        _credit_carried(team, returns, visits, node, n, alive)
+        _credit_carried(team, returns, visits, node, first, n, alive)
     return n
-
-
-@inlined
-def end_walk(team: Team, returns: Returns | None, robot: int, n: int, visits: Visits) -> None:
-    """Note that what a robot still carries at the end, or where it is lost, is never credited."""
-    _credit_carried(team, returns, visits, team.start[robot], n, 0.0)
 
 
 @helper
 def _credit_carried(
-    team: Team, returns: Returns | None, visits: Visits, node: int, n: int, alive: float
+    team: Team,
+    returns: Returns | None,
+    visits: Visits,
+    node: int,
+    first: int,
+    n: int,
+    alive: float,
 ) -> None:
-    """Credit what is carried of ``n`` visits at a depot, with probability ``alive``."""
+    """Credit what is carried of the visits ``first`` to ``n`` at a depot."""
     if returns is None:
         return
-    layer = worlds.layer_of(team, node)
-    for i in range(n):
+    layer, n_nodes = worlds.layer_of(team, node), team.origin.shape[0]
+    for i in range(first, n):
         if visits.chance[i] == CARRIED:
-            visits.chance[i] = alive * team.share[layer + visits.node[i]]
+            visits.chance[i] = alive * team.share[layer + visits.node[i] % n_nodes]

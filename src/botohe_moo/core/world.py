@@ -41,9 +41,13 @@ class Graph(NamedTuple):
     # The nodes that each arc leaves and enters (n_arcs); heads ascend within a node's arcs.
     tail: OffsetArray
     head: OffsetArray
-    # Probability to survive each arc, in (0, 1]; what path searches minimise, −log of it if nothing
-    # else is said; and the length, at least 0 (n_arcs).
+    # Of each scenario, its probability (n_scenarios), and the probability to survive each arc, in
+    # [0, 1] (n_scenarios, n_arcs). A mission without scenarios has one.
+    probability: FloatArray
     survival: FloatArray
+    # For heuristics: the expected survival of each arc over all scenarios, in (0, 1]; what path
+    # searches minimise, −log of it if nothing else is said; and the length, at least 0 (n_arcs).
+    mean_survival: FloatArray
     cost: FloatArray
     length: FloatArray
     # The arc from each arc's head to its tail, −1 where there is none (n_arcs).
@@ -51,7 +55,8 @@ class Graph(NamedTuple):
     # The arcs that enter node v are ``entering[first_entering[v]:first_entering[v + 1]]``.
     first_entering: OffsetArray
     entering: OffsetArray
-    reward: FloatArray  # what a robot that gets to each node expects there, at least 0 (n_nodes)
+    # For heuristics: what a robot that gets to each node expects there, at least 0 (n_nodes).
+    reward: FloatArray
     # Whether as many arcs enter every node as leave it, and trails end where they begin: then no
     # trail meets a dead end.
     balanced: bool
@@ -66,11 +71,19 @@ class Graph(NamedTuple):
         """Number of arcs, without the self-loops that end a colony's trails."""
         return len(self.head)
 
+    @property
+    def n_scenarios(self) -> int:
+        """Number of scenarios, at least 1."""
+        return len(self.probability)
+
 
 class Team(NamedTuple):
     """The robots, and what they are worth to nodes."""
 
-    reward: FloatArray  # reward of each node of the mission, at least 0
+    reward: FloatArray  # expected reward of each node of the mission, at least 0
+    # The reward of node v of the mission in scenario s, times the probability of s, is at
+    # s · n_nodes + v, where n_nodes are those of all layers (n_scenarios · n_nodes).
+    worth: FloatArray
     # Of each node of the layers: the node of the mission that it is a copy of; the probability that
     # a robot that gets there collects its reward; and where trails of its layer end (n_nodes).
     origin: OffsetArray
@@ -162,6 +175,8 @@ class World(NamedTuple):
         """Return the arrays that objectives depend on; those of a plain mission are fewer."""
         graph, team = self.graph, self.team
         numbers = [graph.tail, graph.head, graph.survival, graph.reward]
+        if graph.n_scenarios > 1:
+            numbers += [graph.probability, team.worth]
         if (graph.length != 1.0).any():  # by default all are 1
             numbers.append(graph.length)
         if is_plain:
@@ -171,10 +186,14 @@ class World(NamedTuple):
 
     @property
     def is_plain(self) -> bool:
-        """Whether all robots are alike, collect what they reach, and start where they end."""
+        """Whether all robots are alike, collect what they reach, and start where they end.
+
+        A mission with several scenarios is not plain.
+        """
         team = self.team
         return (
             team.n_kinds == 1
+            and self.graph.n_scenarios == 1
             and self.returns is None
             and bool((team.share == 1.0).all() and (team.end[0] == team.start).all())
         )
@@ -202,6 +221,7 @@ class World(NamedTuple):
 def new_world(
     tail: OffsetArray,
     head: OffsetArray,
+    probability: FloatArray,
     survival: FloatArray,
     length: FloatArray,
     reward: FloatArray,
@@ -211,7 +231,7 @@ def new_world(
 ) -> World:
     """Prepare a valid mission; its arcs are sorted by tail, then by head.
 
-    ``reward`` is that of each node of the layers, as ``Graph`` has it.
+    ``probability``, ``survival`` and ``reward`` are as ``Graph`` has them.
     """
     n_nodes, n_arcs = len(reward), len(head)
     leaving = np.bincount(tail, minlength=n_nodes)
@@ -219,12 +239,15 @@ def new_world(
     is_closed = bool((team.end[team.start] == team.start).all())
     forth, back = tail * n_nodes + head, head * n_nodes + tail
     found = np.minimum(np.searchsorted(forth, back), max(0, n_arcs - 1))
+    mean = survival[0] if len(survival) == 1 else probability @ survival
     graph = Graph(
         first=np.concatenate([[0], np.cumsum(leaving)]),
         tail=tail,
         head=head,
-        survival=survival,
-        cost=-np.log(survival) + 0.0,  # no negative zeros
+        probability=probability,
+        survival=np.ascontiguousarray(survival),
+        mean_survival=mean,
+        cost=-np.log(mean) + 0.0,  # no negative zeros
         length=length,
         reverse=np.where(forth[found] == back, found, -1),
         first_entering=np.concatenate([[0], np.cumsum(n_entering)]),
@@ -242,7 +265,7 @@ def cheapest_ways(graph: Graph, end: OffsetArray) -> tuple[OffsetArray, FloatArr
     Returns the first arc of each way, its cost and its survival. In Python, since it runs once for
     every mission: compiling it would take longer. Ties go to the node of the smallest index.
     """
-    n_nodes, survival = graph.n_nodes, graph.survival
+    n_nodes, survival = graph.n_nodes, graph.mean_survival
     distance, homeward, home = [math.inf] * n_nodes, np.full(n_nodes, -1), np.ones(n_nodes)
     starts, arcs = graph.first_entering.tolist(), graph.entering.tolist()
     tails, costs = graph.tail.tolist(), graph.cost.tolist()
@@ -342,7 +365,7 @@ def aboard_at(returns: Returns | None, layer: int, i: int) -> int:
 
 
 class Way(NamedTuple):
-    """A way through a graph, with its survival and its length."""
+    """A way through a graph, with its survival over all scenarios and its length."""
 
     nodes: list[int]
     survival: float
@@ -361,12 +384,12 @@ def ways_to_ends(world: World) -> list[Way]:
 
 
 def _way_along(graph: Graph, homeward: OffsetArray, node: int) -> Way:
-    way, survival, length = [node], 1.0, 0.0
+    way, survival, length = [node], np.ones(graph.n_scenarios), 0.0
     while (arc := int(homeward[way[-1]])) >= 0:
         way.append(int(graph.head[arc]))
-        survival *= float(graph.survival[arc])
+        survival *= graph.survival[:, arc]
         length += float(graph.length[arc])
-    return Way(way, survival, length)
+    return Way(way, float(graph.probability @ survival), length)
 
 
 def failing_ways(world: World) -> Iterator[tuple[int, Way]]:

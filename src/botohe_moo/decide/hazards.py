@@ -181,16 +181,18 @@ def worst_loss(mission: Mission, plan: TrailPlan, losses: int) -> float:
     sets = _sets(mission.robots, losses)
     # Of each robot, if it follows its trail, and if it never leaves.
     plans = plan, TrailPlan(trail[:1] for trail in plan.trails)
-    with np.errstate(divide="ignore"):
-        logs, logs_at_start = (
-            np.maximum(np.log(1 - collected(mission, of)), _LOG_OF_ZERO) for of in plans
-        )
-    worst = np.inf
-    for some in np.array_split(sets, -(-len(sets) * logs.size // _CELLS)):
-        lost = np.zeros((len(some), mission.robots))
+    size, worst = mission.robots * len(mission.nodes), np.inf
+    for some in np.array_split(sets, -(-len(sets) * size // _CELLS)):
+        lost, rewards = np.zeros((len(some), mission.robots)), np.zeros(len(some))
         np.put_along_axis(lost, some, 1.0, axis=1)
-        by_nobody = np.exp((1 - lost) @ logs + lost @ logs_at_start)
-        worst = min(worst, float(((1 - by_nobody) @ mission.rewards).min()))
+        for probability, case in mission.in_scenarios:
+            with np.errstate(divide="ignore"):
+                logs, logs_at_start = (
+                    np.maximum(np.log(1 - collected(case, of)), _LOG_OF_ZERO) for of in plans
+                )
+            by_nobody = np.exp((1 - lost) @ logs + lost @ logs_at_start)
+            rewards += probability * ((1 - by_nobody) @ case.rewards)
+        worst = min(worst, float(rewards.min()))
     return worst
 
 

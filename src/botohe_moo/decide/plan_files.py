@@ -78,7 +78,7 @@ def _robot_columns(mission: Mission, plan: TrailPlan) -> dict[str, Sequence[Any]
         "kind": [kind.name for kind in mission.kind_of],
         "survival": mission.robot_survival([plan])[0].tolist(),
         "length": mission.trail_lengths([plan])[0].tolist(),
-        "reward": (outcomes.collect_probabilities(mission, plan) @ mission.rewards).tolist(),
+        "reward": outcomes.rewards_alone(mission, plan).tolist(),
     }
 
 
@@ -192,7 +192,7 @@ def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
     """
     robots = _robot_columns(mission, plan)
     chances = outcomes.reach_probabilities, outcomes.collect_probabilities
-    reached, collected = (outcomes.team_reach(of(mission, plan)).tolist() for of in chances)
+    reached, collected = (outcomes.team_chances(of, mission, plan).tolist() for of in chances)
     places, trails = places_of(mission.graph.nodes), mission.labels(plan)
     visited = sorted({node for trail in trails for node in trail}, key=mission.index)
     if missing := [node for node in visited if node not in places]:
@@ -268,11 +268,12 @@ def nav2_files(mission: Mission, plan: TrailPlan) -> dict[str, str]:
     edges = {(of["startid"], of["endid"]): of["id"] for of in features if "startid" in of}
     graph = mission.world.graph
     ends = zip(graph.tail.tolist(), graph.head.tolist(), strict=True)
-    survival = dict(zip(ends, graph.survival.tolist(), strict=True))
+    survival = dict(zip(ends, graph.survival.T, strict=True))  # in each scenario
     for robot, (nodes, trail) in enumerate(zip(mission.labels(plan), plan.trails, strict=True)):
         start, *stops = _stops(mission, nodes)
-        alive = np.cumprod([survival[arc] for arc in pairwise(trail)]).tolist()
-        ways = zip(pairwise(map(id_of.get, nodes)), alive, stops, strict=True)
+        on_arcs = np.array([survival[arc] for arc in pairwise(trail)]).reshape(len(stops), -1)
+        alive = on_arcs.cumprod(axis=0) @ graph.probability if stops else np.empty(0)
+        ways = zip(pairwise(map(id_of.get, nodes)), alive.tolist(), stops, strict=True)
         legs = [
             {"edge": edges[ends], "start": ends[0], "goal": ends[1], "survival": chance, **stop}
             for ends, chance, stop in ways

@@ -291,7 +291,7 @@ class Candidates:
                 return worst_loss(mission, plan, wish.losses)
             case "every robot":
                 return float(self._survival[i].min())
-        reached = o.team_reach(o.reach_probabilities(mission, plan))
+        reached = o.team_chances(o.reach_probabilities, mission, plan)
         return float(reached[mission.index(wish.node)])
 
     def missing(self, wish: Wish, i: int) -> float:

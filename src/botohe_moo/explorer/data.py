@@ -23,7 +23,13 @@ from botohe_moo.decide import Choice
 from botohe_moo.decide.choosing import best
 from botohe_moo.decide.wishes import N_SAMPLES, Candidates, Wish
 from botohe_moo.mission.model import Mission
-from botohe_moo.outcomes import Distribution, collect_probabilities, reach_probabilities, team_reach
+from botohe_moo.outcomes import (
+    Distribution,
+    collect_probabilities,
+    reach_probabilities,
+    rewards_alone,
+    team_chances,
+)
 from botohe_moo.plots import site as maps
 from botohe_moo.plots.site import Background, Site, only_some
 from botohe_moo.trails import TrailPlan
@@ -209,7 +215,7 @@ def _trails(mission: Mission, plans: Sequence[TrailPlan]) -> dict[str, Any]:
     number, n = {trail: i for i, trail in enumerate(survival)}, len(mission.nodes)
     rewards: dict[tuple[int, ...], float] = {}  # of each robot alone, where a plan's files have it
     if not mission.is_plain:
-        alone = [collect_probabilities(mission, plan) @ mission.rewards for plan in plans]
+        alone = [rewards_alone(mission, plan) for plan in plans]
         rewards = dict(zip(trails, np.concatenate(alone).tolist(), strict=True))
     return {
         "trails": [tuple(node % n for node in trail) for trail in survival],
@@ -231,7 +237,7 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
     # Of nodes on trails, in the order of their indices.
     visited = [np.unique(p.nodes % len(mission.nodes)) for p in plans]
     reach, collected = (
-        [team_reach(chances(mission, p))[v] for p, v in zip(plans, visited, strict=True)]
+        [team_chances(chances, mission, p)[v] for p, v in zip(plans, visited, strict=True)]
         for chances in (reach_probabilities, collect_probabilities)
     )
     if mission.is_plain:  # it is what is reached

@@ -402,7 +402,8 @@ def _of_library(name: str) -> Mission:
         raise MissionError(f"expected one mission, but these are several: {', '.join(names)}")
     entry = ENTRIES[name]
     made = load_mission(entry.source, **entry.parameters)
-    mission = Mission(made.graph, base=made.base, kinds=made.kinds, pays=made.pays, name=name)
+    given = {"base": made.base, "pays": made.pays, "scenarios": made.scenarios}
+    mission = Mission(made.graph, kinds=made.kinds, name=name, **given)
     if (found := numbers_digest(mission)) != entry.digest:
         expected = f"expected the digest {entry.digest}, got {found}"
         raise MissionError(f"{expected}: the numbers that are drawn here are not the library's")

@@ -9,13 +9,14 @@ import math
 import warnings
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from itertools import chain
 from typing import Any, NoReturn, Self
 
 import networkx as nx
 import numpy as np
 
-from botohe_moo.base.messages import counted, listed, quoted
+from botohe_moo.base.messages import check_choice, counted, listed, quoted
 from botohe_moo.base.parameters import check
 from botohe_moo.base.types import FloatArray
 from botohe_moo.core import evaluate as kernels
@@ -23,7 +24,7 @@ from botohe_moo.core import world as worlds
 from botohe_moo.core.world import PLANNING, Limits, World
 from botohe_moo.mission import rules
 from botohe_moo.mission.hazards import distance_of, places_of
-from botohe_moo.mission.rules import Kind, MissionError, PlanError
+from botohe_moo.mission.rules import Kind, MissionError, PlanError, Scenario
 from botohe_moo.mission.underway import Event, under_way
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
 
@@ -59,6 +60,10 @@ class Mission:
         When nodes without the attribute ``pays`` pay their reward: on ``"arrival"`` (the default),
         or on ``"return"``. A node that pays on return pays when a robot that has visited it reaches
         a depot.
+    scenarios
+        Worlds of which one is the true one, such as one with a storm and one without, each a
+        :class:`Scenario`. All robots meet the same one; given it, robots are lost on arcs
+        independently. Default: those of the graph, if it has any.
     name
         Short name; default: the title.
 
@@ -68,13 +73,15 @@ class Mission:
         The labels of all nodes. Arrays list nodes in this order.
     kinds
         The kinds of robots; a mission that lists none has one, named ``robot``.
+    scenarios
+        The scenarios, whose probabilities sum to 1; empty without any.
     title
         The title of the graph; default: the name.
     max_length
         The travel budget of the graph, which :class:`~botohe_moo.BOTOHE` takes by default; None for
         no limit.
     rewards
-        The reward of each node (n_nodes,).
+        The expected reward of each node (n_nodes,).
     total_reward
         The sum of all rewards, an upper bound of E[R].
     balanced
@@ -83,7 +90,7 @@ class Mission:
         Whether nodes with a reward pay on return.
     is_plain
         Whether robots are alike and start and end at the base, nodes pay on arrival, and there are
-        neither shares nor closed arcs. Some searches can plan for such missions only.
+        neither shares, closed arcs nor scenarios. Some searches can plan for such missions only.
     world
         The mission as arrays, for kernels.
 
@@ -123,10 +130,11 @@ class Mission:
         robots: int | None = None,
         kinds: Iterable[Kind] | None = None,
         pays: str | None = None,
+        scenarios: Iterable[Scenario] | None = None,
         name: str | None = None,
     ) -> None:
         own = {"pays": "arrival"} | (dict(graph.graph) if isinstance(graph, nx.Graph) else {})
-        given = {"base": base, "kinds": kinds, "pays": pays, "name": name}
+        given = {"base": base, "kinds": kinds, "pays": pays, "scenarios": scenarios, "name": name}
         own |= {key: value for key, value in given.items() if value is not None}
         team, faults = rules.read_kinds(own.get("kinds"))
         if kinds is not None or robots is not None:
@@ -136,6 +144,8 @@ class Mission:
         name = own.get("name") or own.get("title")
         source = f"Mission {quoted(name)}" if name else "The mission"
         if not (faults := faults or rules.graph_faults(graph, team, own)):
+            own["scenarios"], faults = rules.check_scenarios(own.get("scenarios"), graph, team)
+        if not faults:
             team = team or (Kind(rules.ONLY_KIND, own["robots"]),)
             self._set_up(graph.copy(), team, own | {"name": str(name or "mission")})
             limits = self.limits().loosened(PLANNING)
@@ -152,6 +162,7 @@ class Mission:
     def _set_up(self, graph: Any, kinds: Iterable[Kind], given: Mapping[str, Any]) -> None:
         self.graph: nx.DiGraph[Any] = _freeze(graph)
         self.base, self.pays, self.name = given["base"], given["pays"], given["name"]
+        self.scenarios: tuple[Scenario, ...] = given["scenarios"]
         self.title = str(graph.graph.get("title") or self.name)
         budget = graph.graph.get("max_length")
         self.max_length = None if budget is None else float(budget)
@@ -172,14 +183,20 @@ class Mission:
         arcs = sorted((index_of[u], index_of[v], arc) for u, v, arc in graph.edges(data=True))
         tail, head = (np.array([arc[i] for arc in arcs], np.int64) for i in (0, 1))
         by_kind = [rules.by_kind(arc["survival"], kinds) for *_, arc in arcs]
-        survival = np.array(by_kind, np.float64).reshape(-1, len(kinds))
+        survival = np.array(by_kind, np.float64).reshape(1, -1, len(kinds))
         length = np.array([arc.get("length", 1.0) for *_, arc in arcs], np.float64)
         nodes = [node for _, node in graph.nodes(data=True)]
         reward = np.array([node["reward"] for node in nodes], np.float64)
         share = np.array([rules.by_kind(node.get("share", 1.0), kinds) for node in nodes])
         ends = np.array([[index_of[label] for label in kind.ends(base)] for kind in kinds])
         aboard = [[index_of[v] for v in kind.aboard if reward[index_of[v]] > 0.0] for kind in kinds]
-        taken = survival > 0.0
+        probability, worth = np.ones(1), reward[None]
+        if self.scenarios:
+            probability = np.array([scenario.probability for scenario in self.scenarios])
+            probability /= probability.sum()
+            survival, worth = _in_scenarios(self, [(self.nodes[u], self.nodes[v]) for u, v, _ in arcs])
+            reward = np.where((worth == reward).all(axis=0), reward, probability @ worth)
+        taken = survival.max(axis=0) > 0.0
         for k, (start, end) in enumerate(ends.tolist()):
             forth = tail[taken[:, k]], head[taken[:, k]]
             is_open = worlds.leading(*forth, [end], n) & worlds.leading(*forth[::-1], [start], n)
@@ -190,12 +207,16 @@ class Mission:
 
         # Each kind has a layer of nodes, and of the arcs that it may take.
         layer, arc = np.nonzero(taken.T)
-        of_arcs = tail[arc] + n * layer, head[arc] + n * layer, survival[arc, layer], length[arc]
+        of_arcs = tail[arc] + n * layer, head[arc] + n * layer
+        survivals = np.ascontiguousarray(survival[:, arc, layer])
         ends += n * np.arange(len(kinds))[:, None]
         first = np.cumsum([0, *(kind.robots for kind in kinds)])
         kind_of = np.repeat(np.arange(len(kinds)), np.diff(first))
+        padded = np.zeros((len(probability), len(kinds) * n))
+        padded[:, :n] = probability[:, None] * worth
         team = worlds.Team(
             reward=reward,
+            worth=padded.ravel(),
             origin=np.tile(np.arange(n), len(kinds)),
             share=share.T.ravel(),
             end=np.repeat(ends[:, 1], n),
@@ -213,7 +234,38 @@ class Mission:
             first, credit = np.cumsum([0, *map(len, aboard)]), np.tile(credit, len(kinds))
             returns = worlds.Returns(credit, carried, first[kind_of], first[kind_of + 1])
         expected = (reward[:, None] * share).T.ravel()
-        return worlds.new_world(*of_arcs, expected, team, self.limits(), returns)
+        given = probability, survivals, length[arc], expected
+        return worlds.new_world(*of_arcs, *given, team, self.limits(), returns)
+
+    def in_scenario(self, name: str) -> Mission:
+        """Return the mission as it is in one scenario, without others; plans stay the same.
+
+        An arc that is closed in it has the least survival above 0, which is as good as none.
+
+        Parameters
+        ----------
+        name
+            Of a scenario; a ValueError is raised for another.
+
+        Examples
+        --------
+        >>> from botohe_moo import Mission, Scenario, load_mission
+        >>> toy = load_mission("toy")
+        >>> mission = Mission(toy.graph, scenarios=[Scenario("storm", probability=0.25, factor=3)])
+        >>> mission.in_scenario("otherwise") == toy
+        True
+        """
+        names = [scenario.name for scenario in self.scenarios]
+        check_choice("scenario", name, names)
+        scenario, graph = self.scenarios[names.index(name)], self.graph.copy()
+        graph.graph.pop("scenarios", None)
+        for tail, head, of in graph.edges(data=True):
+            numbers = _survivals_in(scenario, graph, (tail, head), self.kinds)
+            least = [max(n, math.ulp(0)) if m > 0.0 else 0.0 for n, m in numbers]
+            by = dict(zip((kind.name for kind in self.kinds), least, strict=True))
+            of["survival"] = by if len(by) > 1 or 0.0 in least else least[0]
+        nx.set_node_attributes(graph, dict(scenario.reward), "reward")
+        return self._derive(graph, self.kinds)
 
     def _derive(self, graph: nx.DiGraph[Any], kinds: Iterable[Kind]) -> Mission:
         """Return the mission on another graph with other kinds, without checking them.
@@ -221,8 +273,15 @@ class Mission:
         Checks would take most of the time of replanning.
         """
         derived = Mission.__new__(Mission)
-        derived._set_up(graph, kinds, {"base": self.base, "pays": self.pays, "name": self.name})
+        given = {"base": self.base, "pays": self.pays, "name": self.name, "scenarios": ()}
+        derived._set_up(graph, kinds, given)
         return derived
+
+    @cached_property
+    def in_scenarios(self) -> tuple[tuple[float, Mission], ...]:
+        """The probability of each scenario, with the mission in it; itself where there are none."""
+        found = [(of.probability, self.in_scenario(of.name)) for of in self.scenarios]
+        return tuple(found) or ((1.0, self),)
 
     def with_robots(self, robots: int) -> Mission:
         """Return the same mission for another number of robots, at least 1, of the same kind.
@@ -252,7 +311,8 @@ class Mission:
         graph, distance = self.graph.copy(), distance_of(self.graph.graph)
         for tail, head, attributes in graph.edges(data=True):
             attributes["length"] = distance(places[tail], places[head])
-        return Mission(graph, base=self.base, kinds=self.kinds, pays=self.pays, name=self.name)
+        given = {"base": self.base, "pays": self.pays, "scenarios": self.scenarios}
+        return Mission(graph, kinds=self.kinds, name=self.name, **given)
 
     @property
     def team(self) -> str:
@@ -270,7 +330,9 @@ class Mission:
         """What keeps a mission from being plain, in words."""
         several = ["kinds of robots"] if len(self.kinds) > 1 else []
         returns = ["rewards that count on return"] if self.has_returns else []
-        return " and ".join(several + returns) or "starts, ends, shares or forbidden arcs"
+        scenarios = ["scenarios"] if self.scenarios else []
+        found = " and ".join(several + returns + scenarios)
+        return found or "starts, ends, shares or forbidden arcs"
 
     def limits(self, min_survival: float = 0.0, max_length: float | None = None) -> Limits:
         """Return the limits of all robots, for kernels.
@@ -318,6 +380,8 @@ class Mission:
             "total reward": f"{self.total_reward:g}",
             **self._kind_traits(),
         }
+        if self.scenarios:
+            traits["scenarios"] = ", ".join(f"{s.name} {s.probability:g}" for s in self.scenarios)
         if graph.n_arcs:
             traits["survival"] = f"{graph.survival.min():g} to {graph.survival.max():g}"
             if any("length" in arc for *_, arc in self.graph.edges(data=True)):
@@ -640,6 +704,36 @@ def numbers_digest(mission: Mission, *labels: object) -> str:
     for values in mission.world.numbers(mission.is_plain):
         hashed.update(np.ascontiguousarray(values, f"<{values.dtype.kind}8").tobytes())
     return hashed.hexdigest()[:16]
+
+
+def _survivals_in(
+    scenario: Scenario, graph: Any, arc: tuple[Any, Any], kinds: Sequence[Kind]
+) -> list[tuple[float, float]]:
+    """Return the survival of an arc in a scenario for each kind, with that of the graph."""
+    given = rules.by_kind(graph.edges[arc]["survival"], kinds)
+    if arc in scenario.survival:
+        return list(zip(rules.by_kind(scenario.survival[arc], kinds), given, strict=True))
+    is_here = scenario.zone is None or scenario.zone in [graph.nodes[v].get("zone") for v in arc]
+    factor = float(scenario.factor) if is_here else 1.0
+    return [(n**factor if n > 0.0 else 0.0, n) for n in given]
+
+
+def _in_scenarios(
+    mission: Mission, arcs: Sequence[tuple[Any, Any]]
+) -> tuple[FloatArray, FloatArray]:
+    """Return survivals of arcs (n_scenarios, n_arcs, n_kinds) and rewards (n_scenarios, n_nodes).
+
+    An arc that the graph closes for a kind stays closed for it.
+    """
+    graph, kinds = mission.graph, mission.kinds
+    survival = np.zeros((len(mission.scenarios), len(arcs), len(kinds)))
+    reward = np.empty((len(mission.scenarios), len(mission.nodes)))
+    for s, scenario in enumerate(mission.scenarios):
+        for i, arc in enumerate(arcs):
+            numbers = _survivals_in(scenario, graph, arc, kinds)
+            survival[s, i] = [n if m > 0.0 else 0.0 for n, m in numbers]
+        reward[s] = [float(scenario.reward.get(v, of["reward"])) for v, of in graph.nodes.items()]
+    return survival, reward
 
 
 def _identity(mission: Mission) -> list[object]:

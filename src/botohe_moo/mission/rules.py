@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import chain
 from numbers import Integral
 from typing import Any
@@ -75,6 +75,54 @@ class Kind:
     def ends(self, base: Hashable) -> tuple[Hashable, Hashable]:
         """Return the labels where trails begin and end in a mission with this base."""
         return base if self.start is None else self.start, base if self.end is None else self.end
+
+
+OTHERWISE = "otherwise"  # the name of the scenario in which nothing else is so
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One of several worlds that may be the true one, and what is different in it.
+
+    Where it says nothing, the values of the graph hold.
+
+    Parameters
+    ----------
+    name
+        Its name.
+    probability
+        The probability that it is the true one, in (0, 1]. Where those of all scenarios sum to less
+        than 1, there is another, ``otherwise``, in which the values of the graph hold.
+    factor
+        What hazards, −log of survivals, are multiplied by, at least 0.
+    zone
+        The nodes' attribute ``zone``: ``factor`` holds for arcs that begin or end in this zone.
+        Default: for all arcs.
+    survival
+        Survivals in [0, 1] of some arcs, each by its tail and head: (tail, head) → a number, or a
+        mapping from kinds to numbers. 0 closes the arc. The factor does not count there.
+    reward
+        Rewards of some nodes, at least 0: node → number.
+
+    Examples
+    --------
+    >>> from botohe_moo import Mission, Scenario, load_mission
+    >>> toy = load_mission("toy")
+    >>> storm = Scenario("storm", probability=0.25, factor=3)
+    >>> mission = Mission(toy.graph, scenarios=[storm])
+    >>> [scenario.name for scenario in mission.scenarios]
+    ['storm', 'otherwise']
+    >>> plan = mission.plan([[1, 2, 4, 2, 1], [1]])
+    >>> mission.evaluate([plan]).round(2).tolist()
+    [[2.9, 1.56]]
+    """
+
+    name: str
+    probability: float
+    factor: float = 1.0
+    zone: str | None = None
+    survival: Mapping[tuple[Hashable, Hashable], Any] = field(default_factory=dict, hash=False)
+    reward: Mapping[Hashable, float] = field(default_factory=dict, hash=False)
 
 
 class MissionError(FaultsError):
@@ -160,6 +208,108 @@ def read_kinds(kinds: Any, read: _Read = dict) -> tuple[tuple[Kind, ...], list[s
     return tuple(found), faults or _kind_name_faults(found)
 
 
+def refuse_scenarios(mission: Any, who: str) -> None:
+    """Refuse, by a ValueError that says who refuses, a mission with scenarios."""
+    if mission.scenarios:
+        raise ValueError(
+            f"Expected a mission without scenarios for {who}, got {quoted(mission.name)}, which "
+            f"has {len(mission.scenarios)}. mission.in_scenario(name) is the mission in one of them."
+        )
+
+
+def read_scenarios(scenarios: Any, find: Callable[[Any], Any]) -> Any:
+    """Return scenarios as a graph holds them, from mappings as files hold them.
+
+    Those have lists in place of mappings from nodes and arcs: [tail, head, survival] and [node,
+    reward]. ``find`` returns the node of a label. What is not of this form stays as it is.
+    """
+    if not isinstance(scenarios, list | tuple):
+        return scenarios
+    found = []
+    for given in scenarios:
+        own = dict(given) if isinstance(given, Mapping) else given
+        for name, n_labels in (("survival", 2), ("reward", 1)):
+            rows = own.get(name) if isinstance(own, dict) else None
+            if isinstance(rows, list) and all(_is_list(r) and len(r) == n_labels + 1 for r in rows):
+                labels = [tuple(map(find, row[:-1])) for row in rows]
+                values = [row[-1] for row in rows]
+                keys = labels if n_labels > 1 else [label for (label,) in labels]
+                own[name] = dict(zip(keys, values, strict=True))
+        found.append(own)
+    return found
+
+
+def check_scenarios(
+    scenarios: Any, graph: nx.DiGraph[Any], kinds: Sequence[Kind]
+) -> tuple[tuple[Scenario, ...], list[str]]:
+    """Return all scenarios of a mission on a graph, and what is wrong with them.
+
+    There are none if ``scenarios`` is None or empty.
+    """
+    if scenarios is None:
+        return (), []
+    if isinstance(scenarios, str | Mapping) or not isinstance(scenarios, Iterable):
+        return (), [f"expected scenarios to be a list of scenarios, got {quoted(scenarios)}"]
+    found, faults, known = list[Scenario](), list[str](), [f.name for f in fields(Scenario)]
+    for i, scenario in enumerate(scenarios):
+        given = vars(scenario) if isinstance(scenario, Scenario) else scenario
+        if not isinstance(given, Mapping):
+            faults.append(f"scenarios[{i}]: expected a Scenario, or an object, got {quoted(given)}")
+        elif unknown := [str(name) for name in given if name not in known]:
+            near = most_alike(unknown[0], known)
+            faults.append(f"scenarios[{i}]: there is no {quoted(unknown[0])} of a scenario{near}")
+        else:
+            found.append(Scenario(**{"name": None, "probability": None, **given}))
+    if faults or not found:
+        return (), faults
+    for scenario in found:
+        wrong = _scenario_faults(scenario, graph, kinds or [Kind(ONLY_KIND, 1)])
+        faults += [f"scenario {quoted(scenario.name)}: {fault}" for fault in wrong]
+    names = [scenario.name for scenario in found]
+    twice = dict.fromkeys(name for i, name in enumerate(names) if name in names[:i])
+    faults += [f"scenario {quoted(name)}: there are two of this name" for name in twice]
+    if faults:
+        return (), faults
+    total = math.fsum(scenario.probability for scenario in found)
+    if total > 1.0 + _SUMS:
+        return (), [f"expected probabilities of scenarios that sum to at most 1, got {total:g}"]
+    if total < 1.0 - _SUMS:
+        if OTHERWISE in names:
+            fault = f"probabilities of scenarios sum to {total:g}, and one is called {OTHERWISE}"
+            return (), [f"expected 1: {fault}"]
+        found.append(Scenario(OTHERWISE, 1.0 - total))
+    return tuple(found), []
+
+
+def _scenario_faults(
+    scenario: Scenario, graph: nx.DiGraph[Any], kinds: Sequence[Kind]
+) -> Iterator[str]:
+    """List what is wrong with a scenario."""
+    if not _is_name(scenario.name):
+        yield "expected a printable name without : , = and blanks around it"
+    yield from _faults_of(vars(scenario), _OF_SCENARIOS)
+    zones = {of["zone"] for _, of in graph.nodes(data=True) if isinstance(of.get("zone"), str)}
+    if scenario.zone is not None and scenario.zone not in zones:
+        near = most_alike(str(scenario.zone), sorted(zones)) or "; no node has a zone"
+        yield f"zone {quoted(scenario.zone)}: no node has this zone{near}"
+    names = [kind.name for kind in kinds]
+    rules: Rules = {"survival": BY_KIND["survival"]}
+    for arc, value in scenario.survival.items() if _is_mapping(scenario.survival) else ():
+        if not (isinstance(arc, tuple) and len(arc) == 2 and graph.has_edge(*arc)):
+            yield f"survival of {quoted(arc)}: expected the tail and the head of an arc"
+        elif unknown := [str(k) for k in value if k not in names] if _is_mapping(value) else []:
+            yield f"{whose(*arc)}: survival of kind {quoted(unknown[0])}: no such kind"
+        else:
+            wrong = _faults_of({"survival": value}, rules, names)
+            yield from (f"{whose(*arc)}: {fault}" for fault in wrong)
+    for node, value in scenario.reward.items() if _is_mapping(scenario.reward) else ():
+        if node not in graph:
+            yield _no_such_node("reward", node, graph)
+        else:
+            wrong = _faults_of({"reward": value}, {"reward": _OF_NODES["reward"]})
+            yield from (f"{whose(node)}: {fault}" for fault in wrong)
+
+
 def by_kind(value: object, kinds: Sequence[Kind]) -> list[float]:
     """Return the number of an attribute for each kind; 1 for kinds that a mapping leaves out."""
     if isinstance(value, Mapping):
@@ -192,6 +342,10 @@ def _is_list(value: Any) -> bool:
     return is_sequence or getattr(value, "ndim", 0) == 1  # an array
 
 
+def _is_mapping(value: Any) -> bool:
+    return isinstance(value, Mapping)
+
+
 def _is_place(value: Any) -> bool:
     return _is_list(value) and len(value) == 2 and all(math.isfinite(as_float(x)) for x in value)
 
@@ -218,6 +372,14 @@ _OF_KINDS: Rules = {
     "min_survival": ("min_survival in [0, 1]", _within(0, 1), 0.0),
     "max_length": _MAX_LENGTH,
     "aboard": ("aboard to be a list of nodes", _is_list, ()),
+}
+_SUMS = 1e-9  # by how much the probabilities of scenarios may differ from 1
+_OF_SCENARIOS: Rules = {
+    "probability": ("probability in (0, 1]", _within(math.ulp(0), 1), None),
+    "factor": ("a finite factor >= 0", _within(0), 1.0),
+    "zone": ("zone to be a text", lambda v: v is None or isinstance(v, str), None),
+    "survival": ("survival to be a mapping from arcs to numbers", _is_mapping, {}),
+    "reward": ("reward to be a mapping from nodes to numbers", _is_mapping, {}),
 }
 _OF_NODES: Rules = {
     "reward": ("a finite reward >= 0", _within(0), None),

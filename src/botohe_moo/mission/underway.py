@@ -12,7 +12,7 @@ import networkx as nx
 
 from botohe_moo.base.messages import quoted
 from botohe_moo.core.world import CHECKING, Limits
-from botohe_moo.mission.rules import Kind, MissionError, by_kind
+from botohe_moo.mission.rules import Kind, MissionError, by_kind, refuse_scenarios
 from botohe_moo.trails import TrailPlan
 
 _STATES = {"reached": "out", "lost": "lost", "home": "home"}  # of a robot after each event
@@ -92,6 +92,7 @@ def robots_at_start(mission: Any, plan: TrailPlan, limits: Limits) -> list[Robot
 
     A PlanError says if the plan is not valid, or does not keep the limits.
     """
+    refuse_scenarios(mission, "a mission under way")
     mission.check_limits([plan], limits.loosened(CHECKING))
     robots = []
     for robot, trail in enumerate(mission.labels(plan)):

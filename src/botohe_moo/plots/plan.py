@@ -18,7 +18,7 @@ from botohe_moo.base.messages import probability_text
 from botohe_moo.base.types import FloatArray
 from botohe_moo.decide import knees, representatives
 from botohe_moo.mission.model import Mission, check_mission
-from botohe_moo.outcomes import reach_probabilities, team_reach
+from botohe_moo.outcomes import reach_probabilities, team_chances
 from botohe_moo.plots import canvas as maps
 from botohe_moo.plots import site as where
 from botohe_moo.plots import style as look
@@ -254,6 +254,7 @@ class DrawnPlan:
         self.objectives = objectives_text(*mission.evaluate([plan])[0])
         self.survival = mission.robot_survival([plan])[0]  # (n_robots,)
         self.reach = reach_probabilities(mission, plan)  # (n_robots, n_nodes)
+        self.team_reach = team_chances(reach_probabilities, mission, plan)  # (n_nodes,)
         self.trails, self.styles = mission.trails(plan), robot_styles(mission)
         self.marks = where.place_notes(self.site)  # what the marks of places mean
         self.leaving = [robot for robot, trail in enumerate(self.trails) if len(trail) > 1]
@@ -269,7 +270,7 @@ class DrawnPlan:
 
     def draw_team(self, ax: Axes) -> list[str]:
         """Draw all trails, and return notes on the map."""
-        drawn = _PlanMap(ax, self, list(range(self.mission.robots)), team_reach(self.reach))
+        drawn = _PlanMap(ax, self, list(range(self.mission.robots)), self.team_reach)
         # Robots first: a trail without a name is worse than a node without one.
         drawn.name_robots()
         drawn.name_nodes()

@@ -96,7 +96,7 @@ class Site:
         layer, tail = np.divmod(graph.tail, n)
         arcs, place = np.unique(tail * n + graph.head % n, return_inverse=True)
         survival, length = np.zeros((len(ends), len(arcs))), np.zeros(len(arcs))
-        survival[layer, place], length[place] = graph.survival, graph.length
+        survival[layer, place], length[place] = graph.mean_survival, graph.length
         taken = (survival[self.kinds] > 0).any(axis=0)
         arcs, self.length = arcs[taken], length[taken]
         self.survival = survival[self.kinds][:, taken]

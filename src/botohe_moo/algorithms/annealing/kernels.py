@@ -106,7 +106,8 @@ def new_state(world: World, random: SeedArray) -> AnnealState:
     items[starts] = world.team.start
     plans = (Plan(items.copy(), starts, starts + 1, np.zeros(2)) for _ in range(3))
     current, tried, best = plans
-    visits = new_visits(n_nodes)
+    visits = new_visits(n_nodes, world.graph.n_scenarios)
+    n_visits = len(visits.node)
     return AnnealState(
         current,
         tried,
@@ -118,13 +119,13 @@ def new_state(world: World, random: SeedArray) -> AnnealState:
         way=np.zeros(2 * n_nodes + world.graph.n_arcs, np.int64),
         paths=new_paths(world),
         visits=visits._replace(
-            node=np.zeros((2 * n_robots, n_nodes), np.int64),
-            chance=np.zeros((2 * n_robots, n_nodes)),
+            node=np.zeros((2 * n_robots, n_visits), np.int64),
+            chance=np.zeros((2 * n_robots, n_visits)),
         ),
         n_visits=np.zeros(2 * n_robots, np.int64),
         alive=np.zeros(2 * n_robots),
         last=np.arange(n_robots),
-        reached=new_reached(len(world.team.reward)),
+        reached=new_reached(len(world.team.worth)),
         order=np.zeros(n_robots, np.int64),
     )
 
@@ -325,7 +326,8 @@ def _walk(world: World, state: AnnealState, robot: int) -> bool:
     plan, lists, last = state.tried, state.visits, state.last[robot]
     trail = plan.items[plan.starts[robot] + 1 : plan.stops[robot]]
     visits = Visits(lists.node[last], lists.chance[last], lists.seen, lists.n_walks)
-    n, alive, length = walk(world, world.returns, trail, trail.shape[0], robot, visits)
+    graph, team = world.graph, world.team
+    n, alive, length = walk(graph, team, world.returns, trail, trail.shape[0], robot, visits)
     state.n_visits[last], state.alive[last] = n, alive
     return keeps(world.limits, robot, alive, length)
 
@@ -386,7 +388,7 @@ def _evaluate(world: World, state: AnnealState) -> None:
         for i in range(state.n_visits[last]):
             combine(reached, visits.node[last, i], visits.chance[last, i])
         survivors += state.alive[last]
-    plan.objectives[0], plan.objectives[1] = expected_reward(world.team.reward, reached), survivors
+    plan.objectives[0], plan.objectives[1] = expected_reward(world.team.worth, reached), survivors
 
 
 @inlined

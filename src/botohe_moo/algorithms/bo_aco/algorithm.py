@@ -193,7 +193,7 @@ def _new_pheromone(mission: Mission, settings: ColonySettings) -> kernels.Pherom
 
 
 def _new_heuristic(world: World, settings: ColonySettings) -> kernels.Heuristic:
-    survival = np.append(world.graph.survival, np.ones(world.team.n_kinds))
+    survival = np.append(world.graph.mean_survival, np.ones(world.team.n_kinds))
     if not settings.heuristic:
         nothing = np.zeros(len(survival))
         return kernels.Heuristic(0.0, nothing, nothing, nothing)

@@ -286,7 +286,8 @@ def _choose(world: World, build: Build, scratch: Scratch, ant: Ant, node: int, a
         ant.used[arc] = ant.trail
         if arc == ant.loop or n == 1 or (build.paths is not None and arc == ant.onward[node]):
             break
-        reached = graph.head[arc], alive * graph.survival[arc], length + graph.length[arc]
+        there = alive * graph.mean_survival[arc]
+        reached = graph.head[arc], there, length + graph.length[arc]
         if _leads_home(world, world.ways.shortest, build.paths, ant, *reached):
             break
         scratch.rejected[n_rejected] = arc
@@ -392,7 +393,7 @@ def _walk(
             node = -1
             break
         node = graph.head[arc]
-        alive *= graph.survival[arc]
+        alive *= graph.mean_survival[arc]
         if paths is not None:
             scratch.length[robot] += graph.length[arc]
         _visit(world, world.returns, scratch, ant, node, alive)

@@ -233,7 +233,7 @@ def _extend(search: LabelSearch, parent: int, arc: int) -> None:
     row, before = labels.rows[state.n_labels], labels.rows[parent]
     reached = labels.reached[state.n_labels]
     row.parent, row.node = parent, node
-    row.alive = before.alive * world.graph.survival[arc]
+    row.alive = before.alive * world.graph.mean_survival[arc]
     row.length = before.length + world.graph.length[arc]
     row.key = before.key ^ search.node_keys[before.node] ^ search.node_keys[node]
     for goal in range(reached.shape[0]):
@@ -287,7 +287,7 @@ def look_around(search: LabelSearch) -> None:
     n = search_paths(graph, paths, used, 1, node, ANYWHERE, n_nodes, False)
     for i in range(1, n):
         arc = paths.entry[paths.order[i]]
-        reach[paths.order[i]] = reach[graph.tail[arc]] * graph.survival[arc]
+        reach[paths.order[i]] = reach[graph.tail[arc]] * graph.mean_survival[arc]
     for word in range(bits.shape[0]):
         bits[word] = 0
     for arc in range(used.shape[0]):

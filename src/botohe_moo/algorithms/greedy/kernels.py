@@ -172,7 +172,7 @@ def _begin(world: World, rule: BeamRule, beam: Beam) -> None:
     value, alive, length, node = worth[start], 1.0, 0.0, start
     while homeward[node] >= 0:
         arc = homeward[node]
-        alive *= graph.survival[arc]
+        alive *= graph.mean_survival[arc]
         length += graph.length[arc]
         node = graph.head[arc]
         value += alive * worth[node]
@@ -229,7 +229,7 @@ def _expand(
             if used[arc] == rule.trail:
                 continue
             node, child = graph.head[arc], children[n]
-            alive, length = before * graph.survival[arc], way + graph.length[arc]
+            alive, length = before * graph.mean_survival[arc], way + graph.length[arc]
             fresh = ahead[node]
             value, left = gained + alive * fresh, unseen - fresh
             stay = rule.survival_weight * alive * home[node]
@@ -338,7 +338,7 @@ def _close(
     n = way_within(world, shortest, paths, used, rule.trail, node, alive, child.length)
     for i in range(n):
         arc = paths.path[i]
-        alive *= graph.survival[arc]
+        alive *= graph.mean_survival[arc]
         value += alive * beam.ahead[graph.head[arc]]
     return value + rule.survival_weight * alive, n
 

@@ -171,7 +171,8 @@ class SequentialPlanner:
         """Plan the robots, kind by kind, each given by its first robot."""
         world, team = self.world, self.world.team
         beam = kernels.new_beam(world, self.beam_width)
-        visits, unreached = new_visits(world.graph.n_nodes), _unreached(world)
+        graph, unreached = world.graph, _unreached(world)
+        visits = new_visits(graph.n_nodes, graph.n_scenarios)
         trails: Trails = []
         for first in order:
             stays = False
@@ -183,10 +184,9 @@ class SequentialPlanner:
                 if not stays:
                     trail = found
                     trails.append((robot, trail))
-                arcs = [find_arc(world.graph, tail, head) for tail, head in pairwise(trail)]
-                n, _, _ = walk(
-                    world, world.returns, np.array(arcs, np.int64), len(arcs), robot, visits
-                )
+                found_arcs = [find_arc(graph, tail, head) for tail, head in pairwise(trail)]
+                arcs = np.array(found_arcs, np.int64)
+                n, *_ = walk(graph, team, world.returns, arcs, len(arcs), robot, visits)
                 unreached[visits.node[:n]] *= 1.0 - visits.chance[:n]
         return trails
 
@@ -195,13 +195,13 @@ class SequentialPlanner:
     ) -> tuple[int, ...]:
         """Plan one robot's trail; only its start if it is best there, or on the safest way home.
 
-        ``unreached`` is the probability that no robot has collected each node of the mission.
+        ``unreached`` is the probability that no robot has collected each entry of ``Team.worth``.
         """
         world, team = self.world, self.world.team
         worth, survival_weight = weight * self._worth, (1.0 - weight) / self.mission.robots
         if weight == 0.0:  # among the safest trails, the most reward decides
             world, worth, survival_weight = self._safest, self._worth, 1.0
-        worth = worth * unreached[team.origin]
+        worth = worth * _mean(world, unreached)[team.origin]
         rule = kernels.BeamRule(
             robot, world.n_robots + robot, worth, survival_weight, self.beam_width
         )
@@ -210,14 +210,24 @@ class SequentialPlanner:
 
 
 def _unreached(world: World) -> FloatArray:
-    """Return the probability that no robot collects each node of the mission, before all trails.
+    """Return the probability that no robot collects each entry of ``Team.worth``, before all trails.
 
     What robots collect where they start is the same on all trails, and may be large: it is left
     out.
     """
-    team, unreached = world.team, np.ones(len(world.team.reward))
+    team, unreached = world.team, np.ones(len(world.team.worth))
     starts = team.start[team.share[team.start] == 1.0]
     if world.returns is not None:
         starts = starts[world.returns.credit[starts] != AT_NEXT_DEPOT]
-    unreached[team.origin[starts]] = 0.0
+    unreached.reshape(-1, world.graph.n_nodes)[:, team.origin[starts]] = 0.0
     return unreached
+
+
+def _mean(world: World, unreached: FloatArray) -> FloatArray:
+    """Return the share of each node's expected reward that is left, over all scenarios."""
+    team, shape = world.team, (world.graph.n_scenarios, world.graph.n_nodes)
+    n_nodes = len(team.reward)
+    if shape[0] == 1:
+        return unreached[:n_nodes]
+    left = (team.worth * unreached).reshape(shape).sum(axis=0)[:n_nodes]
+    return left / np.where(team.reward > 0.0, team.reward, 1.0)

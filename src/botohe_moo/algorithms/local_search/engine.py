@@ -42,6 +42,11 @@ _RECREATED_UP_TO = 1_000
 # The most that the length of the longest arc costs, and the least budget to divide by.
 _MOST_COST, _LEAST_LENGTH = 1e12, 1e-300
 
+# Scenarios that have a table of cheapest paths of their own, beside that by expected survivals.
+# Paths by expected survivals alone are poor routes (results/scenarios).
+_N_TABLES = 3
+_LEAST_SURVIVAL = 1e-30  # by which a closed arc counts there
+
 # How many plans the front has room for at first, and how many plans a parent adds at most.
 _FIRST_PLANS, _N_ADDED = 256, state.N_CHILDREN + 1
 
@@ -73,8 +78,14 @@ class Costs:
 
     @cached_property
     def routes(self) -> state.Routes:
-        """All cheapest paths."""
-        return state.find_routes(self.priced, self._per_length)
+        """All cheapest paths: by expected survivals, and by those of the likeliest scenarios."""
+        graph, worlds = self.priced.graph, [self.priced]
+        if graph.n_scenarios > 1:
+            for scenario in np.argsort(-graph.probability, kind="stable")[:_N_TABLES].tolist():
+                survival = np.maximum(graph.survival[scenario], _LEAST_SURVIVAL)
+                prices = self._per_length[graph.tail] * graph.length
+                worlds.append(self.priced.with_costs(-np.log(survival) + prices))
+        return state.find_routes(worlds, self._per_length)
 
     def __reduce__(self) -> tuple[object, ...]:
         return Costs, (self.world,)
@@ -328,7 +339,7 @@ class LocalSearch:
         return state.new_store(
             n_trails + 4 * n_new + 1_000,
             n_arcs + n_new * graph.n_arcs,
-            n_visits + n_new * graph.n_nodes,
+            n_visits + n_new * len(self.world.team.worth),
         )
 
     def __getstate__(self) -> dict[str, Any]:

@@ -159,7 +159,7 @@ def _find_outcomes(search: LabelSearch, alive: float, link: int) -> int:
     graph, pieces, move = net.world.graph, net.pieces, search.states.move[link]
     n_arcs, n_levels = graph.head.shape[0], search.prices.shape[1] - 1
     if move < n_arcs:
-        share = graph.survival[move]
+        share = graph.mean_survival[move]
         outcomes[0, 0], outcomes[1, 0] = share, 0.0
         if search.states.pays[link]:
             outcomes[1, 0] = _worth_of(search, graph.head[move], alive * share)
@@ -308,7 +308,7 @@ def _write_frontier(search: LabelSearch, piece: int, at: int, spread: float) -> 
     """
     net, labels, frontiers = search.net, search.labels, search.frontiers
     gate, n_levels = net.pieces.gate[piece], search.prices.shape[1] - 1
-    above, back = net.pieces.of[gate], net.world.graph.survival[net.pieces.back[piece]]
+    above, back = net.pieces.of[gate], net.world.graph.mean_survival[net.pieces.back[piece]]
     shares, worths = frontiers.share[piece, at], frontiers.worth[piece, at]
     alive, n_ends, n_room = net.reach[gate] * at / n_levels, labels.n_ends[0], shares.shape[0]
     for i in range(n_ends):
@@ -353,7 +353,7 @@ def raise_by_labels(search: LabelSearch) -> int:
         entry, arc, back = pieces.entry[piece], pieces.arc[piece], pieces.back[piece]
         _find_gates(search, piece)
         for at in range(1, n_levels + 1):
-            alive = net.reach[pieces.gate[piece]] * at / n_levels * graph.survival[arc]
+            alive = net.reach[pieces.gate[piece]] * at / n_levels * graph.mean_survival[arc]
             if pieces.first_option[piece + 1] - pieces.first_option[piece] > 1:
                 tried = _settle(search, piece, alive, least, tried)
                 if tried < 0:
@@ -361,6 +361,6 @@ def raise_by_labels(search: LabelSearch) -> int:
                 tried += _write_frontier(search, piece, at, max(spread, 0.0))
             else:  # a dead end of one node
                 frontiers.n[piece, at] = 1
-                frontiers.share[piece, at, 0] = graph.survival[arc] * graph.survival[back]
+                frontiers.share[piece, at, 0] = graph.mean_survival[arc] * graph.mean_survival[back]
                 frontiers.worth[piece, at, 0] = _worth_of(search, entry, alive)
     return _settle(search, 0, 1.0, least, tried)

@@ -307,8 +307,8 @@ def _write_options(net: Net, piece: int, tables: Tables, heights: FloatArray, n:
     n_options = net.pieces.first_option[piece + 1] - net.pieces.first_option[piece]
     n_levels = heights.shape[1] - 1
     unit = net.reach[gate] / n_levels
-    out = net.world.graph.survival[net.pieces.arc[piece]]
-    home = net.world.graph.survival[net.pieces.back[piece]]
+    out = net.world.graph.mean_survival[net.pieces.arc[piece]]
+    home = net.world.graph.mean_survival[net.pieces.back[piece]]
     for at in range(n_levels + 1):
         most, last = unit * at * out, 0.0
         for k in range(n_options):
@@ -357,7 +357,7 @@ def look_ahead(
     for piece in range(pieces.entry.shape[0] - 1, 0, -1):
         n_states = states.begin[piece + 1] - states.begin[piece]
         entry, first = pieces.entry[piece], n_arcs + pieces.first_option[piece]
-        out, home = graph.survival[pieces.arc[piece]], graph.survival[pieces.back[piece]]
+        out, home = graph.mean_survival[pieces.arc[piece]], graph.mean_survival[pieces.back[piece]]
         if pieces.first_option[piece + 1] - pieces.first_option[piece] == 1:  # a dead end
             for at in range(n_levels + 1):
                 tables.there[at, first] = at * out * home
@@ -410,7 +410,7 @@ def _take(
 ) -> float:
     """Write the next arc of a trail; return the probability to be alive behind it."""
     arcs[n], paid[n] = arc, int(pays)
-    return float(alive * graph.survival[arc])
+    return float(alive * graph.mean_survival[arc])
 
 
 @inlined
@@ -498,7 +498,7 @@ def follow(
         there = tables.there[high, move] * level / high
         low = min(int(there), n_levels - 1)
         rise = table[offset + to, low + 1] - table[offset + to, low]
-        wanted = rise * n_levels / net.reach[node] * graph.survival[pieces.back[child]]
+        wanted = rise * n_levels / net.reach[node] * graph.mean_survival[pieces.back[child]]
         after[depth], slopes[depth] = to, k
         depth += 1
         k = _nearest_slope(tables, child, wanted)

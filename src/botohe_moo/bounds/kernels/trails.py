@@ -146,7 +146,7 @@ def new_depths(
         used=np.full(n_arcs, -1, np.int64),
         met=np.full(n_nodes, -1, np.int64),
         keys=random_state.integers(2**64, size=(n_arcs, 2), dtype=np.uint64),
-        cost=np.rint(np.minimum(-np.log(net.graph.survival), _LARGEST) * _UNIT).astype(np.int64),
+        cost=np.rint(np.minimum(-np.log(net.graph.mean_survival), _LARGEST) * _UNIT).astype(np.int64),
         seen=np.zeros(n_seen, _SEEN).view(np.recarray),
     )
 
@@ -231,11 +231,11 @@ def _mark(depths: Depths, arc: int, back: int, pays: int, search: int) -> None:
 @inlined
 def _moved(graph: Graph, last: Record, arc: int, back: int) -> tuple[float, float, float]:
     """Return the probability to get over an arc, that behind both, and the length."""
-    there = last.alive * graph.survival[arc]
+    there = last.alive * graph.mean_survival[arc]
     if back < 0:
         return there, there, last.length + graph.length[arc]
     length = last.length + graph.length[arc] + graph.length[back]
-    return there, there * graph.survival[back], length
+    return there, there * graph.mean_survival[back], length
 
 
 @inlined
@@ -337,7 +337,7 @@ def _bound_ahead(
         for line in range(most.shape[0]):
             most[line] = chord(ahead.values[line], state, level)
         return
-    unit = net.world.graph.survival[pieces.back[piece]] / net.reach[pieces.gate[piece]] * n_levels
+    unit = net.world.graph.mean_survival[pieces.back[piece]] / net.reach[pieces.gate[piece]] * n_levels
     local, outside, corners = state - states.begin[piece], depths.ahead[context], depths.corners
     for line in range(most.shape[0]):
         which = ahead.tables[line]
@@ -500,9 +500,10 @@ def follow_trails(
     """
     n_nodes = world.graph.reward.shape[0]
     survival, reached = np.empty(arcs.shape[0]), np.zeros((arcs.shape[0], n_nodes))
-    visits = new_visits(n_nodes)
+    visits = new_visits(n_nodes, 1)
     for i in range(arcs.shape[0]):
-        n, survival[i], _ = walk(world, world.returns, arcs[i], n_arcs[i], 0, visits)
+        given = arcs[i], n_arcs[i], 0, visits
+        n, survival[i], _ = walk(world.graph, world.team, world.returns, *given)
         for j in range(n):
             reached[i, visits.node[j]] = visits.chance[j]
     return survival, reached

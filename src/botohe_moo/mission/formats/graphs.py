@@ -22,7 +22,15 @@ from botohe_moo.base.messages import quoted
 from botohe_moo.base.parameters import validated
 from botohe_moo.mission.formats.reading import Draft, Format, Row, Source
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.rules import BY_KIND, ONLY_KIND, Kind, MissionError, read_label, whose
+from botohe_moo.mission.rules import (
+    BY_KIND,
+    ONLY_KIND,
+    Kind,
+    MissionError,
+    Scenario,
+    read_label,
+    whose,
+)
 
 as_json = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
 
@@ -80,6 +88,8 @@ def mission_content(mission: Mission) -> dict[str, Any]:
             {f.name: v for f in fields(kind) if (v := getattr(kind, f.name)) != f.default}
             for kind in mission.kinds
         ]
+    if mission.scenarios:
+        own["scenarios"] = [_scenario_entry(of, label_of) for of in mission.scenarios]
     # The mission's own values win over those of its graph, in whose places they stand.
     kept = {"name": None} | graph.graph | own | {"name": mission.name}
     kept.pop("robots" if "kinds" in own else "kinds", None)
@@ -87,6 +97,19 @@ def mission_content(mission: Mission) -> dict[str, Any]:
         del kept["pays"]
     about = {"directed": True, "multigraph": False, "graph": _entry("the graph", kept)}
     return {**about, "nodes": nodes, "edges": arcs}
+
+
+def _scenario_entry(scenario: Scenario, label_of: Mapping[Any, Any]) -> dict[str, Any]:
+    """Return a scenario as JSON holds it; :func:`rules.read_scenarios` reads it."""
+    own: dict[str, Any] = {"name": scenario.name, "probability": scenario.probability}
+    own |= {"factor": scenario.factor} if scenario.factor != 1.0 else {}
+    own |= {"zone": scenario.zone} if scenario.zone is not None else {}
+    if scenario.survival:
+        arcs = scenario.survival.items()
+        own["survival"] = [[label_of[u], label_of[v], number] for (u, v), number in arcs]
+    if scenario.reward:
+        own["reward"] = [[label_of[v], number] for v, number in scenario.reward.items()]
+    return own
 
 
 def _has_kinds(mission: Mission) -> bool:
@@ -202,18 +225,19 @@ def read_graphml(source: Source) -> Draft:
     about, default = row(graph).attributes, str(graph.get("edgedefault") == "directed").lower()
     arrows = [arc.get("directed", default) == "true" for arc in graph.iterfind(".//{*}edge")]
     directed = all(arrows) if arrows else default == "true"
-    try:
-        about |= {"kinds": json.loads(about["kinds"])} if "kinds" in about else {}
-    except (TypeError, ValueError) as error:
-        faults.append(f"expected kinds as JSON, got {quoted(about.pop('kinds'))}: {error}")
+    for name in {"kinds", "scenarios"} & about.keys():
+        try:
+            about[name] = json.loads(about[name])
+        except (TypeError, ValueError) as error:
+            faults.append(f"expected {name} as JSON, got {quoted(about.pop(name))}: {error}")
     return Draft(nodes, arcs, about, faults, directed=directed)
 
 
 def write_graphml(mission: Mission) -> bytes:
     """Write a mission as GraphML; a ValueError names what GraphML cannot hold."""
     graph: nx.Graph[Any] = nx.node_link_graph(mission_content(mission), edges="edges")
-    if "kinds" in graph.graph:
-        graph.graph["kinds"] = json.dumps(graph.graph["kinds"], ensure_ascii=False)
+    for name in {"kinds", "scenarios"} & graph.graph.keys():
+        graph.graph[name] = json.dumps(graph.graph[name], ensure_ascii=False)
     _flatten("the graph", graph.graph)
     for label, node in graph.nodes(data=True):
         if not isinstance(label, str):

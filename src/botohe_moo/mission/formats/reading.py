@@ -263,6 +263,7 @@ def make_mission(
     robots: Any = None,
     kinds: Any = None,
     pays: Any = None,
+    scenarios: Any = None,
     both_ways: bool = False,
     danger: NotNegative | None = None,
     hazard: FilePath | None = None,
@@ -281,6 +282,7 @@ def make_mission(
         raise MissionError("expected directed arcs, found undirected edges: give both_ways")
     maps = _raster("interest", interest), _raster("hazard", hazard)
     given = {"base": base, "kinds": kinds, "pays": pays, "geographic": geographic}
+    given |= {"scenarios": scenarios}
     site = _Site(draft, {key: value for key, value in given.items() if value is not None})
     if both_ways:
         site.open_both_ways()
@@ -326,6 +328,8 @@ class _Site:
         if faults := faults or _join_columns(self.nodes, names) or _join_columns(self.arcs, names):
             raise MissionError([*self.faults, *faults])
         self.graph |= {"kinds": self.kinds} if self.kinds else {}
+        if scenarios := rules.read_scenarios(self.graph.get("scenarios"), find):
+            self.graph["scenarios"] = scenarios
         self.places = hazards.places_of(self.at)
 
     def _plain_rows(self, rows: Iterable[Row], *reserved: str) -> list[Row]:

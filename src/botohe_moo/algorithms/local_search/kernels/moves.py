@@ -78,17 +78,17 @@ def _append_path(search: Search, node: int, goal: int) -> bool:
     On large missions, ways to the base are stored apart from other paths.
     """
     graph, routes, work = search.world.graph, search.routes, search.work
-    is_end, n_entries = goal == search.world.team.end[goal], routes.entries.shape[1]
-    is_homeward = is_end and n_entries < routes.entries.shape[0]
-    entry = 0 if is_homeward else state.route_entry(routes, goal, node)
+    is_end, table = goal == search.world.team.end[goal], work.draft.table
+    is_homeward = is_end and routes.entries.shape[2] < routes.entries.shape[1]
+    entry = 0 if is_homeward else state.route_entry(routes, table, goal, node)
     if entry == state.UNKNOWN:
         return False
     while node != goal:
         if is_homeward:
             arc = search.world.ways.homeward[node]
         else:
-            arc = routes.entries[goal, entry].arc
-            entry = routes.entries[goal, entry].onward
+            arc = routes.entries[table, goal, entry].arc
+            entry = routes.entries[table, goal, entry].onward
         _append_arc(work, arc)
         node = graph.head[arc]
     return True
@@ -100,14 +100,17 @@ def _append_steps(graph: Graph, work: Workspace, node: int, n_steps: int) -> int
 
     Returns the node where they end. It stops early at a node where all arcs are used.
     """
+    sums = work.nodes.shape[0] - graph.reward.shape[0]
     for _ in range(n_steps):
         total = 0.0
         drawn = -1
         for arc in range(graph.first[node], graph.first[node + 1]):
             if _is_used(work, arc):
                 continue
-            head = work.nodes[graph.head[arc]]
-            weight = _FRESH if head.marginal > 0.0 and head.met > work.draft.prefix else 1.0
+            head = graph.head[arc]
+            is_fresh = work.nodes[head].met > work.draft.prefix
+            is_fresh &= work.nodes[sums + head].marginal > 0.0
+            weight = _FRESH if is_fresh else 1.0
             total += weight
             if uniform(work.states, 0) * total < weight:
                 drawn = arc
@@ -129,7 +132,7 @@ def connect_child(search: Search) -> bool:
     draft = work.draft
     draft.n_middle = 0
     draft.mark += 1
-    node, end = work.steps[draft.prefix].node, work.steps[draft.suffix].node
+    node, end = work.steps[0, draft.prefix].node, work.steps[0, draft.suffix].node
     if draft.n_steps > 0:
         node = _append_steps(graph, work, node, draft.n_steps)
     for i in range(draft.n_goals + 1):
@@ -162,7 +165,7 @@ def _join_suffix(work: Workspace) -> bool:
     if draft.n_middle != draft.suffix - draft.prefix:
         return True
     for i in range(draft.n_middle):  # noqa: SIM110 - any() would make a generator
-        if middle[i] != work.steps[draft.prefix + i].arc:
+        if middle[i] != work.steps[0, draft.prefix + i].arc:
             return True
     return False
 
@@ -172,13 +175,13 @@ def write_child(work: Workspace) -> int:
     """Write all arcs of the child to ``work.child``; return how many there are."""
     draft, child = work.draft, work.child
     for i in range(draft.prefix):
-        child[i] = work.steps[i].arc
+        child[i] = work.steps[0, i].arc
     n = draft.prefix
     for i in range(draft.n_middle):
         child[n] = work.middle[i]
         n += 1
     for i in range(draft.suffix, draft.length):
-        child[n] = work.steps[i].arc
+        child[n] = work.steps[0, i].arc
         n += 1
     return int(n)
 
@@ -187,55 +190,66 @@ def write_child(work: Workspace) -> int:
 def evaluate_child(search: Search, returns: Returns | None) -> float:
     """Return what the robot collects by the child; −1 if the child cannot enter the front."""
     graph, limits, front, work = search.world.graph, search.world.limits, search.front, search.work
-    draft, steps, nodes = work.draft, work.steps, work.nodes
+    draft, nodes, n_nodes = work.draft, work.nodes, graph.reward.shape[0]
     draft.mark += 1
     mark, prefix, suffix, length = draft.mark, draft.prefix, draft.suffix, draft.length
-    carried = 0.0
-    alive, gained = steps[prefix].alive, steps[prefix].gained
-    if returns is not None:
-        carried = work.loads[prefix].carried
-    for i in range(draft.n_middle):
-        arc = work.middle[i]
-        alive *= graph.survival[arc]
-        node, worth = nodes[graph.head[arc]], 0.0
-        if node.met > prefix and node.seen != mark:
-            node.seen, worth = mark, node.marginal
-        gained, carried = collect(returns, graph.head[arc], worth, alive, gained, carried)
-    ratio = alive / steps[suffix].alive
-    home = steps[length].alive * ratio
+    home, bound = 0.0, draft.others
+    for scenario in range(graph.probability.shape[0]):
+        case, steps, first = work.cases[scenario], work.steps[scenario], scenario * n_nodes
+        survival, carried = graph.survival[scenario], 0.0
+        alive, gained = steps[prefix].alive, steps[prefix].gained
+        if returns is not None:
+            carried = work.loads[scenario, prefix].carried
+        for i in range(draft.n_middle):
+            arc = work.middle[i]
+            alive *= survival[arc]
+            node, worth = nodes[first + graph.head[arc]], 0.0
+            if node.met > prefix and node.seen != mark:
+                node.seen, worth = mark, node.marginal
+            gained, carried = collect(returns, graph.head[arc], worth, alive, gained, carried)
+        case.alive, case.gained, case.carried = alive, gained, carried
+        home += graph.probability[scenario] * (alive * steps[suffix].home)
+        ahead = steps[suffix].ahead
+        if returns is not None:
+            ahead += carried * work.loads[scenario, suffix].to_depot
+        bound += gained + alive * ahead
     if home < limits.floors[draft.robot]:
         return -1.0
     if limits.has_budgets:
+        steps = work.steps[0]
         walked = steps[prefix].walked + steps[length].walked - steps[suffix].walked
         for i in range(draft.n_middle):
             walked += graph.length[work.middle[i]]
         if walked > limits.budgets[draft.robot]:
             return -1.0
     needed = ordered.best_reward(front, (draft.survivors + home) * (1.0 - state.TOLERANCE))
-    ahead = steps[suffix].ahead
-    if returns is not None:
-        ahead += carried * work.loads[suffix].to_depot
-    bound = (draft.others + gained + alive * ahead) * (1.0 + state.TOLERANCE)
-    if needed >= bound:
+    if needed >= bound * (1.0 + state.TOLERANCE):
         return -1.0
-    for i in range(suffix + 1, length + 1):
-        node, worth = nodes[steps[i].node], 0.0
-        if node.met > prefix and node.seen != mark:
-            node.seen, worth = mark, node.marginal
-        there = steps[i].alive * ratio
-        gained, carried = collect(returns, steps[i].node, worth, there, gained, carried)
-    return float(gained) if (draft.others + gained) * (1.0 - state.TOLERANCE) > needed else -1.0
+    collected = 0.0
+    for scenario in range(graph.probability.shape[0]):
+        case, steps, first = work.cases[scenario], work.steps[scenario], scenario * n_nodes
+        survival, alive = graph.survival[scenario], case.alive
+        gained, carried = case.gained, case.carried
+        for i in range(suffix + 1, length + 1):
+            alive *= survival[steps[i - 1].arc]
+            node, worth = nodes[first + steps[i].node], 0.0
+            if node.met > prefix and node.seen != mark:
+                node.seen, worth = mark, node.marginal
+            gained, carried = collect(returns, steps[i].node, worth, alive, gained, carried)
+        collected += gained
+    is_enough = (draft.others + collected) * (1.0 - state.TOLERANCE) > needed
+    return float(collected) if is_enough else -1.0
 
 
 @helper
 def evaluate_trail(search: Search, trail: int) -> float:
     """Return what the robot collects by a stored trail; −1 if that child cannot enter the front."""
-    reward, store, work = search.world.team.reward, search.store, search.work
+    worth, store, work = search.world.team.worth, search.store, search.work
     draft, nodes, taken = work.draft, work.nodes, store.trails[trail]
     gained = 0.0
     for i in range(taken.first_visit, taken.first_visit + taken.n_visits):
         node = np.int64(store.node[i])  # of the mission: the share is part of the reach
-        gained += reward[node] * abs(nodes[node].unreached) * store.reach[i]
+        gained += worth[node] * abs(nodes[node].unreached) * store.reach[i]
     needed = ordered.best_reward(
         search.front, (draft.survivors + taken.alive) * (1.0 - state.TOLERANCE)
     )
@@ -275,8 +289,9 @@ def _visit(search: Search, n_visits: int) -> bool:
 def _draw_visits(search: Search, n_visits: int) -> None:
     """Draw nodes to visit: any node, or one nearby of much marginal reward."""
     work = search.work
-    states, near, nodes = work.states, search.routes.near, work.nodes
-    node, n_near = work.steps[work.draft.prefix].node, near.shape[1]
+    states, near = work.states, search.routes.near[work.draft.table]
+    node, n_near = work.steps[0, work.draft.prefix].node, near.shape[1]
+    sums = work.nodes.shape[0] - near.shape[0]
     for i in range(n_visits):
         if uniform(states, 0) >= _P_NEAR:
             node = work.draft.layer + below(states, search.world.team.reward.shape[0])
@@ -284,7 +299,7 @@ def _draw_visits(search: Search, n_visits: int) -> None:
             best = near[node, below(states, n_near)]
             for _ in range(below(states, _MOST_COMPARED)):
                 other = near[node, below(states, n_near)]
-                if nodes[other].marginal > nodes[best].marginal:
+                if work.nodes[sums + other].marginal > work.nodes[sums + best].marginal:
                     best = other
             node = best
         work.goals[i] = node
@@ -340,7 +355,7 @@ def _graft(search: Search, to_end: int) -> bool:
 def _swap_loops(search: Search, _: int) -> bool:
     """Draw two loops, one after the other at a node, to swap: survival stays as it is."""
     work = search.work
-    draft, steps = work.draft, work.steps
+    draft, steps = work.draft, work.steps[0]
     low = below(work.states, draft.length + 1)
     middle = high = -1
     for i in range(low + 1, draft.length + 1):

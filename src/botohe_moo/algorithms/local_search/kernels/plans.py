@@ -62,6 +62,13 @@ def acquire_parent(search: Search, place: int) -> None:
     draft.robot = below(work.states, parent.shape[0])
 
 
+@inlined
+def draw_table(search: Search) -> None:
+    """Draw the table of paths that the parent's children are made with."""
+    n_tables = search.routes.near.shape[0]
+    search.work.draft.table = below(search.work.states, n_tables) if n_tables > 1 else 0
+
+
 @helper
 def release_parent(search: Search) -> None:
     """Release the parent's trails, and leave nodes as they were before ``evaluate_others``."""
@@ -74,7 +81,7 @@ def release_parent(search: Search) -> None:
 def evaluate_others(world: World, store: TrailStore, work: Workspace) -> None:
     """Compute what the parent's other robots collect, and the marginal rewards that are left."""
     draft, nodes, touched = work.draft, work.nodes, work.touched
-    draft.n_touched, draft.survivors, draft.others, draft.carried = 0, 0.0, 0.0, 0.0
+    draft.n_touched, draft.survivors, draft.others = 0, 0.0, 0.0
     draft.layer = layer_of(world.team, world.team.start[draft.robot])
     for k in range(work.parent.shape[0]):
         if _is_changed(work, k):
@@ -88,24 +95,34 @@ def evaluate_others(world: World, store: TrailStore, work: Workspace) -> None:
                 touched[draft.n_touched] = index
                 draft.n_touched += 1
             # As a sum: small chances would lose their digits in the reward less what is left.
-            draft.others += world.team.reward[index] * node.unreached * reach
+            draft.others += world.team.worth[index] * node.unreached * reach
             node.unreached *= 1.0 - reach
         draft.survivors += trail.alive
+    n_nodes = world.graph.reward.shape[0]
+    sums = nodes.shape[0] - n_nodes
     for i in range(draft.n_touched):
-        index = draft.layer + touched[i]
-        nodes[index].marginal = world.graph.reward[index] * nodes[touched[i]].unreached
+        index, unreached = draft.layer + touched[i], nodes[touched[i]].unreached
+        nodes[index].marginal = work.alone[index] * unreached
+        if sums > 0:
+            node = nodes[sums + index % n_nodes]
+            node.marginal = max(0.0, node.marginal - work.alone[index] * (1.0 - unreached))
     _load(world, work)
 
 
 @helper
 def _load(world: World, work: Workspace) -> None:
     """Note what changed robots carry from the start; on the way it counts no more."""
+    nodes, cases, n_nodes = work.nodes, work.cases, world.graph.reward.shape[0]
+    for scenario in range(cases.shape[0]):
+        cases[scenario].aboard = 0.0
     for k in range(work.parent.shape[0]):
         first, stop = aboard_of(world.returns, k) if _is_changed(work, k) else (0, 0)
         for i in range(first, stop):
-            node = work.nodes[aboard_at(world.returns, work.draft.layer, i)]
-            work.draft.carried += node.marginal
-            node.marginal = 0.0
+            index = aboard_at(world.returns, work.draft.layer, i)
+            for scenario in range(cases.shape[0]):
+                cases[scenario].aboard += nodes[scenario * n_nodes + index].marginal
+                nodes[scenario * n_nodes + index].marginal = 0.0
+            nodes[nodes.shape[0] - n_nodes + index].marginal = 0.0
 
 
 @inlined
@@ -121,15 +138,21 @@ def _is_changed(work: Workspace, robot: int) -> bool:
 def clear_others(world: World, work: Workspace) -> None:
     """Leave nodes as they were before ``evaluate_others``."""
     draft, nodes = work.draft, work.nodes
+    n_nodes = world.graph.reward.shape[0]
+    sums = nodes.shape[0] - n_nodes
     for i in range(draft.n_touched):
         index = draft.layer + work.touched[i]
-        nodes[index].marginal = world.graph.reward[index]
+        nodes[index].marginal = work.alone[index]
         nodes[work.touched[i]].unreached = -1.0
+        if sums > 0:
+            nodes[sums + index % n_nodes].marginal = work.alone[sums + index % n_nodes]
     for k in range(work.parent.shape[0]):
         first, stop = aboard_of(world.returns, k) if _is_changed(work, k) else (0, 0)
         for i in range(first, stop):
             index = aboard_at(world.returns, draft.layer, i)
-            nodes[index].marginal = world.graph.reward[index]
+            while index < nodes.shape[0]:
+                nodes[index].marginal = work.alone[index]
+                index += n_nodes
 
 
 @helper
@@ -137,31 +160,49 @@ def lay_out(
     world: World, returns: Returns | None, store: TrailStore, work: Workspace, trail: int
 ) -> None:
     """Compute the steps of the trail that is to be changed; ``clear_trail`` undoes it."""
-    graph, steps, nodes, loads = world.graph, work.steps, work.nodes, work.loads
     start, length = store.trails[trail].first_arc, store.trails[trail].n_arcs
     work.draft.length = length
+    for i in range(length):
+        work.arcs[np.int64(store.arc[start + i])].position = i
+    for scenario in range(work.cases.shape[0]):
+        _lay_out(world, returns, store, work, start, scenario)
+        _look_ahead(world, returns, work, scenario)
+
+
+@inlined
+def _lay_out(
+    world: World,
+    returns: Returns | None,
+    store: TrailStore,
+    work: Workspace,
+    start: int,
+    scenario: int,
+) -> None:
+    """Compute the steps in a scenario of a trail whose arcs begin at ``start``."""
+    graph, steps, nodes = world.graph, work.steps[scenario], work.nodes
+    survival, first = graph.survival[scenario], scenario * graph.reward.shape[0]
     source = world.team.start[work.draft.robot]
-    nodes[source].met = 0
-    alive, walked = 1.0, 0.0
-    gained, carried = collect(returns, source, nodes[source].marginal, 1.0, 0.0, work.draft.carried)
+    nodes[first + source].met = 0
+    alive, walked, carried = 1.0, 0.0, work.cases[scenario].aboard
+    marginal = nodes[first + source].marginal
+    gained, carried = collect(returns, source, marginal, 1.0, 0.0, carried)
     steps[0].node, steps[0].alive, steps[0].gained, steps[0].walked = source, 1.0, gained, 0.0
     if returns is not None:
-        loads[0].carried = carried
-    for i in range(length):
+        work.loads[scenario, 0].carried = carried
+    for i in range(work.draft.length):
         arc = np.int64(store.arc[start + i])
         head, worth = graph.head[arc], 0.0
         steps[i].arc = arc
-        work.arcs[arc].position = i
-        alive *= graph.survival[arc]
+        alive *= survival[arc]
         walked += graph.length[arc]
-        if nodes[head].met == state.NEVER:
-            nodes[head].met, worth = i + 1, nodes[head].marginal
+        node = nodes[first + head]
+        if node.met == state.NEVER:
+            node.met, worth = i + 1, node.marginal
         gained, carried = collect(returns, head, worth, alive, gained, carried)
         if returns is not None:
-            loads[i + 1].carried = carried
+            work.loads[scenario, i + 1].carried = carried
         after = steps[i + 1]
         after.node, after.alive, after.gained, after.walked = head, alive, gained, walked
-    _look_ahead(world, returns, work)
 
 
 @inlined
@@ -188,42 +229,46 @@ def collect(
 
 
 @helper
-def _look_ahead(world: World, returns: Returns | None, work: Workspace) -> None:
+def _look_ahead(world: World, returns: Returns | None, work: Workspace, scenario: int) -> None:
     """Compute, backwards, what a robot that starts at each position would collect from there on.
 
-    Where a node comes again later, only its earlier visit counts.
+    Where a node comes again later, only its earlier visit counts; both count where nobody gets.
     """
-    steps, nodes, loads, length = work.steps, work.nodes, work.loads, work.draft.length
-    ahead = to_depot = 0.0
-    steps[length].ahead = ahead
+    steps, nodes, length = work.steps[scenario], work.nodes, work.draft.length
+    survivals, first = world.graph.survival[scenario], scenario * world.graph.reward.shape[0]
+    ahead, to_depot, home = 0.0, 0.0, 1.0
+    steps[length].ahead, steps[length].home = ahead, home
     if returns is not None:
-        loads[length].to_depot = to_depot
+        work.loads[scenario, length].to_depot = to_depot
     for i in range(length - 1, -1, -1):
         after = steps[i + 1]
-        node = nodes[after.node]
+        node = nodes[first + after.node]
         if node.later > 0.0:
             ahead -= node.later / after.alive
         credit, worth = credit_of(returns, after.node), node.marginal
-        survival = world.graph.survival[steps[i].arc]
+        survival = survivals[steps[i].arc]
         if credit == AT_NEXT_DEPOT:
             worth *= to_depot
         node.later = worth * after.alive
         ahead = survival * (ahead + worth)
-        steps[i].ahead = ahead
+        home *= survival
+        steps[i].ahead, steps[i].home = ahead, home
         if returns is not None:
             to_depot = survival if credit == AT_THIS_DEPOT else survival * to_depot
-            loads[i].to_depot = to_depot
+            work.loads[scenario, i].to_depot = to_depot
 
 
 @helper
-def clear_trail(work: Workspace) -> None:
-    """Leave the workspace as it was before ``lay_out``."""
-    nodes, steps, draft = work.nodes, work.steps, work.draft
+def clear_trail(work: Workspace, n_nodes: int) -> None:
+    """Leave the workspace as it was before ``lay_out``, on a graph of ``n_nodes`` nodes."""
+    nodes, steps, draft = work.nodes, work.steps[0], work.draft
     for i in range(draft.length):
-        node = steps[i + 1].node
         work.arcs[steps[i].arc].position = -1
-        nodes[node].met, nodes[node].later = state.NEVER, 0.0
-    nodes[steps[0].node].met = state.NEVER
+    for i in range(draft.length + 1):
+        node = steps[i].node
+        while node < nodes.shape[0]:
+            nodes[node].met, nodes[node].later = state.NEVER, 0.0
+            node += n_nodes
 
 
 @helper
@@ -235,7 +280,8 @@ def add_trail(search: Search, robot: int, length: int) -> int:
     """
     world, store, work = search.world, search.store, search.work
     n, visits = store.n, work.visits
-    n_visits, alive, walked = walk(world, world.returns, work.child, length, robot, visits)
+    graph, team = world.graph, world.team
+    n_visits, alive, walked = walk(graph, team, world.returns, work.child, length, robot, visits)
     if not keeps(world.limits, robot, alive, walked):
         return state.NOT_STORED
     n.spare -= 1
@@ -244,7 +290,7 @@ def add_trail(search: Search, robot: int, length: int) -> int:
     added.first_arc, added.n_arcs, added.end_arc = n.arcs, length, n.arcs + length
     added.first_visit, added.n_visits = n.visits, n_visits
     added.alive, added.n_users = alive, 1
-    bits = GOLDEN ^ np.uint64(world.team.start[robot])
+    bits = GOLDEN ^ np.uint64(team.start[robot])
     for i in range(length):
         store.arc[n.arcs + i] = work.child[i]
         bits = hash_step(bits, work.child[i])
@@ -266,7 +312,7 @@ def evaluate_trails(world: World, store: TrailStore, work: Workspace) -> tuple[f
         for i in range(trail.first_visit, trail.first_visit + trail.n_visits):
             combine(reached, np.int64(store.node[i]), store.reach[i])
         survivors += trail.alive
-    return expected_reward(world.team.reward, reached), survivors
+    return expected_reward(world.team.worth, reached), survivors
 
 
 @helper

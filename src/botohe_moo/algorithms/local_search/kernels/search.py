@@ -136,6 +136,7 @@ def _select_robot(search: Search, place: int) -> None:
         draft.robot = below(work.states, parent.shape[0])
     if parent.shape[0] > 1 and plans.is_stuck(work) and uniform(work.states, 0) < P_OTHER:
         _change_another(search)
+    plans.draw_table(search)
     plans.evaluate_others(search.world, store, work)
 
 
@@ -199,7 +200,7 @@ def _make_children(search: Search, n_most: int) -> int:
             now = ticks()
             tally.ticks += state.TIMED_EVERY * (now - before)
             before = now
-    plans.clear_trail(work)
+    plans.clear_trail(work, world.graph.reward.shape[0])
     return n
 
 

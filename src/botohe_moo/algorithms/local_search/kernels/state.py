@@ -10,6 +10,7 @@ ones it holds those from the ``NEAR`` nodes that are cheapest to come from, so t
 with the number of nodes, not with its square. Only the ways to the base are known from everywhere.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -79,17 +80,18 @@ _TRAIL = np.dtype(
 )
 _MEMORY = ("idle", "n_waiting", "most_waiting", "n_parents")
 MEMORY = np.dtype([("newest", np.float64), *((name, np.int64) for name in _MEMORY)])
-_PARENT = ("place", "robot", "n_chosen", "n_touched", "layer")
+_PARENT = ("place", "robot", "n_chosen", "n_touched", "layer", "table")
 _CHILD = ("length", "prefix", "n_middle", "suffix", "n_goals", "n_piece", "n_legs", "mark")
 _MOVE = ("n_steps", "adopted")
 _DRAFT = np.dtype(
     [(name, np.int64) for name in (*_PARENT, *_CHILD, *_MOVE)]
-    + [(name, np.float64) for name in ("at", "others", "survivors", "carried", "value", "slope")]
+    + [(name, np.float64) for name in ("at", "others", "survivors", "value", "slope")]
 )
 _STEP = np.dtype(
     [(name, np.int64) for name in ("arc", "node")]
-    + [(name, np.float64) for name in ("alive", "gained", "ahead", "walked")]
+    + [(name, np.float64) for name in ("alive", "gained", "ahead", "home", "walked")]
 )
+_CASE = np.dtype([(name, np.float64) for name in ("alive", "gained", "carried", "aboard")])
 _LOAD = np.dtype([(name, np.float64) for name in ("carried", "to_depot")])
 _NODE = np.dtype(
     [(name, np.int64) for name in ("met", "seen")]
@@ -106,16 +108,22 @@ TALLY = np.dtype([(name, np.int64) for name in ("tried", "entered", "ticks")])
 
 
 class Routes(NamedTuple):
-    """Cheapest paths, a row for every node where they lead to."""
+    """Cheapest paths, a row for every node where they lead to.
 
-    n_known: OffsetArray  # entries in each row (n_nodes)
+    There may be several tables: by expected survivals, and by those of scenarios. Each parent's
+    children are made with one of them.
+    """
+
+    n_known: OffsetArray  # entries in each row (n_tables, n_nodes)
     # Where a path begins (``source``, ascending along the known part of a row), its ``cost`` and
     # its ``length``, its first ``arc``, −1 at the goal itself, and the entry, in the same row, of
-    # that arc's head (``onward``; n_nodes, n_entries).
+    # that arc's head (``onward``; n_tables, n_nodes, n_entries).
     entries: RecordArray
-    near: OffsetArray  # of each node, the others that are cheapest to reach (n_nodes, n_near)
+    # Of each node, the others that are cheapest to reach (n_tables, n_nodes, n_near).
+    near: OffsetArray
     # Costs of the cheapest paths from each node to all (``leaving``), and to it from all
-    # (``coming``), and the lengths of these paths (n_nodes, n_nodes). Without travel budgets there
+    # (``coming``), and the lengths of these paths (n_tables, n_nodes, n_nodes). Without travel
+    # budgets there
     # are no lengths, and on missions of more than ``FULL_UP_TO`` nodes neither.
     leaving: FloatArray
     coming: FloatArray
@@ -127,28 +135,32 @@ class Routes(NamedTuple):
     prices_length: bool
 
 
-def find_routes(world: World, per_length: FloatArray) -> Routes:
-    """Search all cheapest paths.
+def find_routes(worlds: Sequence[World], per_length: FloatArray) -> Routes:
+    """Search all cheapest paths, a table for the costs of each world.
 
     ``per_length`` is what a unit of length adds to the costs of arcs in the layer of each node.
     """
-    n_nodes, is_full = world.graph.n_nodes, world.graph.n_nodes <= FULL_UP_TO
-    n_known = np.zeros(n_nodes, np.int64)
-    entries = np.empty((n_nodes, n_nodes if is_full else NEAR), _ENTRY).view(np.recarray)
+    first, n_tables = worlds[0], len(worlds)
+    n_nodes, is_full = first.graph.n_nodes, first.graph.n_nodes <= FULL_UP_TO
+    n_known = np.zeros((n_tables, n_nodes), np.int64)
+    shape = n_tables, n_nodes, n_nodes if is_full else NEAR
+    entries = np.empty(shape, _ENTRY).view(np.recarray)
     entries.cost, entries.length = FAR, 0.0
-    near = new_near(n_nodes, _N_NEIGHBOURS)
-    used = np.zeros(world.graph.n_arcs, np.int64)  # every path may take all arcs
-    _search_all(world.graph, new_paths(world), used, near, n_known, entries)
-    costs = entries["cost"].copy() if is_full else np.empty((0, 0))
-    prices_length = world.limits.has_budgets
-    lengths = entries["length"].copy() if is_full and prices_length else np.empty((0, 0))
+    nears = []
+    for world, known, found in zip(worlds, n_known, entries, strict=True):
+        nears.append(new_near(n_nodes, _N_NEIGHBOURS))
+        used = np.zeros(world.graph.n_arcs, np.int64)  # every path may take all arcs
+        _search_all(world.graph, new_paths(world), used, nears[-1], known, found)
+    none, prices_length = np.empty((n_tables, 0, 0)), first.limits.has_budgets
+    costs = entries["cost"].copy() if is_full else none
+    lengths = entries["length"].copy() if is_full and prices_length else none
     return Routes(
         n_known=n_known,
         entries=entries,
-        near=near.nodes,
-        leaving=costs.T.copy(),
+        near=np.stack([near.nodes for near in nears]),
+        leaving=costs.transpose(0, 2, 1).copy(),
         coming=costs,
-        leaving_length=lengths.T.copy(),
+        leaving_length=lengths.transpose(0, 2, 1).copy(),
         coming_length=lengths,
         per_length=per_length,
         prices_length=prices_length,
@@ -196,18 +208,19 @@ def _fill_row(graph: Graph, paths: Paths, n: int, row: RecordArray) -> int:
 
 
 @helper
-def route_entry(routes: Routes, goal: int, node: int) -> int:
+def route_entry(routes: Routes, table: int, goal: int, node: int) -> int:
     """Return the entry of the path from ``node`` in the row of a goal, or ``UNKNOWN``."""
-    if routes.entries.shape[1] == routes.entries.shape[0]:
-        return node if routes.entries[goal, node].cost < FAR else UNKNOWN
-    low, high = 0, routes.n_known[goal]
+    row = routes.entries[table, goal]
+    if row.shape[0] == routes.entries.shape[1]:
+        return node if row[node].cost < FAR else UNKNOWN
+    low, high = 0, routes.n_known[table, goal]
     while low < high:
         middle = (low + high) // 2
-        if routes.entries[goal, middle].source < node:
+        if row[middle].source < node:
             low = middle + 1
         else:
             high = middle
-    known = low < routes.n_known[goal] and routes.entries[goal, low].source == node
+    known = low < routes.n_known[table, goal] and row[low].source == node
     return low if known else UNKNOWN
 
 
@@ -220,8 +233,8 @@ class TrailStore(NamedTuple):
     # ``hash`` of where it begins and of its arcs.
     trails: RecordArray
     arc: IntArray  # the arcs of all trails, one trail after another
-    # What each trail visits, in order: nodes of the mission that may be worth something, and the
-    # probability that each is credited.
+    # What each trail visits in each scenario, in order: nodes of the mission that may be worth
+    # something, as indices of ``Team.worth``, and the probability that each is credited.
     node: IntArray
     reach: FloatArray
     spare: OffsetArray  # numbers that are free, as a stack
@@ -243,10 +256,9 @@ class Workspace(NamedTuple):
     tallies: RecordArray
     # Of the parent: its ``place`` in the front, or the one next to its E[S] (``at``)
     # once it has left; the ``robot`` that changes, and
-    # the first node of its kind's layer (``layer``); how many nodes the others reach
-    # (``n_touched``), and E[R] and E[S] of these (``others`` and ``survivors``); the reward that it
-    # carries from the start (``carried``). Of the trail: how
-    # many arcs it has (``length``). Of the child: how many arcs are kept from the trail's start
+    # the first node of its kind's layer (``layer``); the ``table`` of paths; how much the others
+    # reach (``n_touched``), and their E[R] and E[S] (``others`` and ``survivors``). Of the trail:
+    # how many arcs it has (``length``). Of the child: how many arcs are kept from the trail's start
     # (``prefix``), how many are new (``n_middle``), from which position the trail is kept to its
     # end (``suffix``), how many goals there are (``n_goals``), and arcs in the piece (``n_piece``).
     # Of a move: how many random steps it begins with (``n_steps``), and which stored trail it takes
@@ -254,19 +266,27 @@ class Workspace(NamedTuple):
     # (``n_chosen``), how many legs their tours have (``n_legs``), and what the parent (``value``)
     # and a survivor (``slope``) are worth to a walk. And the last ``mark``.
     draft: Record
-    # At each position of the trail (n_arcs + 1) the ``node``, and the ``arc`` that leaves it; the
-    # probability to get there (``alive``); what was collected up to there (``gained``); what a
-    # robot that starts there would collect from there on (``ahead``); and how long the trail is up
-    # to there (``walked``).
+    # In each scenario at each position of the trail (n_scenarios, n_arcs + 1) the ``node``, and the
+    # ``arc`` that leaves it; the probability to get there (``alive``); what was collected up to
+    # there (``gained``); what a robot that starts there would collect from there on, or more
+    # (``ahead``); the probability to get from there to the end (``home``); and how long the trail
+    # is up to there (``walked``).
     steps: RecordArray
-    # At each position, with rewards on return, those that are ``carried``, and the probability to
+    # At each of these, with rewards on return, those that are ``carried``, and the probability to
     # get from there to the next depot (``to_depot``).
     loads: RecordArray
+    # In each scenario: the reward that the robot carries from the start (``aboard``); and of a
+    # child where its suffix begins, the probability to get there (``alive``), what it has
+    # ``gained``, and what it has ``carried`` there (n_scenarios).
+    cases: RecordArray
     # Of each node: its ``marginal`` reward, given the other robots' trails; the probability that
     # none of them collects it, −1 where none may (``unreached``); the position of the trail's first
     # visit, or ``NEVER`` (``met``); and scratch: the last mark (``seen``), and what a later visit
-    # gains (``later``).
+    # gains (``later``). Node v in scenario s is at s · n_nodes + v, and rewards are weighted by the
+    # probabilities of scenarios; the last n_nodes have the sums over all. And what ``marginal`` is
+    # where no other robot collects anything (``alone``).
     nodes: RecordArray
+    alone: FloatArray
     # Of each arc, its ``position`` on the trail or −1; the ``mark`` of the last child that took it,
     # and its ``place`` among that child's new arcs.
     arcs: RecordArray
@@ -276,7 +296,7 @@ class Workspace(NamedTuple):
     # Nodes that a child visits between its prefix and its suffix, and arcs that it takes then.
     goals: OffsetArray
     piece: OffsetArray
-    touched: OffsetArray  # nodes of the mission that the other robots reach (n_nodes)
+    touched: OffsetArray  # what the other robots reach, as ``Team.worth`` counts it
     # Scratch of evaluations.
     visits: Visits
     reached: Reached
@@ -320,6 +340,7 @@ class Search(NamedTuple):
     """A search: the mission, the front and its trails, and what the kernels need beside these."""
 
     world: World  # with lengths in the costs of arcs, where there are travel budgets
+    # All tables, or for functions below ``with_table`` one of them.
     routes: Routes
     store: TrailStore
     front: OrderedFront
@@ -339,11 +360,13 @@ def new_workspace(
 ) -> Workspace:
     """Return a workspace of what a search remembers, with new scratch."""
     n_nodes, n_arcs, n_robots = world.graph.n_nodes, world.graph.n_arcs, world.n_robots
-    on_return = world.returns is not None
+    n_scenarios, on_return = world.graph.n_scenarios, world.returns is not None
     n_legs = (n_nodes + 1) * (n_robots + 1)
-    nodes, arcs = np.zeros(n_nodes, _NODE), np.zeros(n_arcs, _ARC)
-    nodes["marginal"], nodes["unreached"], nodes["met"] = world.graph.reward, -1.0, NEVER
+    alone = _rewards_alone(world)
+    nodes, arcs = np.zeros(len(alone), _NODE), np.zeros(n_arcs, _ARC)
+    nodes["marginal"], nodes["unreached"], nodes["met"] = alone, -1.0, NEVER
     arcs["position"] = -1
+    n_steps = max(2, n_arcs + 1)  # two for ``_store_tour``
     work = Workspace(
         memory=memory,
         waiting=waiting,
@@ -351,17 +374,19 @@ def new_workspace(
         weights=weights,
         tallies=tallies,
         draft=np.zeros(1, _DRAFT).view(np.recarray)[0],
-        steps=np.zeros(max(2, n_arcs + 1), _STEP).view(np.recarray),  # two for ``_store_tour``
-        loads=np.zeros(n_arcs + 1 if on_return else 0, _LOAD).view(np.recarray),
+        steps=np.zeros((n_scenarios, n_steps), _STEP).view(np.recarray),
+        loads=np.zeros((n_scenarios, n_steps if on_return else 0), _LOAD).view(np.recarray),
+        cases=np.zeros(n_scenarios, _CASE).view(np.recarray),
         nodes=nodes.view(np.recarray),
+        alone=alone,
         arcs=arcs.view(np.recarray),
         middle=np.empty(n_arcs, np.int64),
         child=np.empty(n_arcs, np.int64),
         goals=np.empty(max(MOST_GOALS, n_nodes), np.int64),
         piece=np.empty(n_arcs, np.int64),
-        touched=np.empty(len(world.team.reward), np.int64),
-        visits=new_visits(n_nodes),
-        reached=new_reached(len(world.team.reward)),
+        touched=np.empty(len(world.team.worth), np.int64),
+        visits=new_visits(n_nodes, n_scenarios),
+        reached=new_reached(len(world.team.worth)),
         parent=np.empty(n_robots, np.int64),
         trails=np.empty(n_robots, np.int64),
         chosen=np.zeros(n_robots, np.int64),
@@ -376,6 +401,15 @@ def new_workspace(
     )
     scratch: Workspace = apart(work)
     return scratch._replace(memory=memory, waiting=waiting, states=states, tallies=tallies)
+
+
+def _rewards_alone(world: World) -> FloatArray:
+    """Return what nodes are worth to a robot that is alone, as ``Workspace.alone`` has it."""
+    team, n_nodes, n_scenarios = world.team, world.graph.n_nodes, world.graph.n_scenarios
+    by_scenario = team.worth.reshape(n_scenarios, n_nodes)[:, team.origin] * team.share
+    if n_scenarios == 1:
+        return by_scenario[0]
+    return np.append(by_scenario, by_scenario.sum(axis=0))
 
 
 def new_store(n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:
@@ -425,7 +459,7 @@ def has_room(search: Search) -> bool:
         search.front.n.spare > N_CHILDREN
         and n.spare >= n_trails
         and n.arcs + n_trails * graph.head.shape[0] <= store.arc.shape[0]
-        and n.visits + n_trails * graph.reward.shape[0] <= store.node.shape[0]
+        and n.visits + n_trails * search.world.team.worth.shape[0] <= store.node.shape[0]
     )
 
 
