@@ -479,17 +479,17 @@ def test_the_best_relaxed_trail_is_followed(mission, memory, seed, turn):
 @pytest.mark.parametrize(
     ("arcs", "paid", "expected"),
     [
-        # Node 1 pays twice, and its reward is forgotten at 2 and 3; the arc to 1 is taken twice.
+        # Node 1 pays twice, and its reward is forgotten at 2 and 3; arcs pay nothing.
         (
             [(0, 1), (1, 2), (2, 3), (3, 1), (1, 2), (2, 1)],
             [True, True, True, True, False, True],
-            {("reward", 1): [1, 2, 3], ("arc", (1, 2)): [1, 2, 3]},
+            [(("reward", 1), [1, 2, 3]), (("reward", 1), [1, 2])],
         ),
         # The excursion to 4 is made twice from 3; what happens beyond the bridge is not needed.
         (
             [(0, 1), (1, 3), (3, 4), (4, 5), (5, 4), (4, 3), (3, 4), (4, 3)],
             [True] * 4 + [False] * 2 + [True, False],
-            {("arc", (3, 4)): [3]},
+            [(("excursion", (3, 4)), [3])],
         ),
     ],
 )
@@ -503,13 +503,12 @@ def test_what_relaxed_trails_forget_in_a_piece(arcs, paid, expected):
     numbers = arcs_by_ends(net.graph)
     trail = RelaxedTrail([numbers[pair] for pair in arcs], paid)
     memory = Remembered(net, 0)
-    bits = {
-        node if what == "reward" else net.graph.n_nodes + numbers[node]: nodes
-        for (what, node), nodes in expected.items()
-    }
-    found = dict(memory.forgets(trail))
-    assert {bit: found[bit] for bit in bits} == bits
-    assert memory.add(list(found.items()), 14)
+    found = memory.forgets(trail)
+    assert found == [
+        (node if what == "reward" else net.graph.n_nodes + numbers[node], nodes)
+        for (what, node), nodes in expected
+    ]
+    assert memory.add(found, 14)
     assert memory.forgets(trail) == []
 
 

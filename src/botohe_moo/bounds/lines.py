@@ -107,7 +107,7 @@ class LineProver:
         bound = min([bound, *(line.at(x) for line in by_relaxed if line.line.n_robots == moving)])
         by_search, _, _ = self._descend(target, best, bound, relaxed=False)
         repeating = [trail for i in used if (trail := pool.relaxed(i)) is not None]
-        return Facts((*by_relaxed, *by_search), repeating=() if by_search else tuple(repeating))
+        return Facts((*by_relaxed, *by_search), repeating=tuple(repeating))
 
     def _descend(
         self, target: Target, best: Prices, bound: float, *, relaxed: bool

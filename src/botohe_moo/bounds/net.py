@@ -199,8 +199,9 @@ class RelaxedTrail(NamedTuple):
 class Remembered:
     """The bits that each node remembers: first its own, and some of near ones, ``n_bits`` at most.
 
-    Bits are rewards and arcs of the node's own piece, of which an arc into another piece stands for
-    the excursion.
+    Bits are the rewards of the node's own piece, and the arcs from it into other pieces, each of
+    which stands for an excursion. ``worth`` is the most that each can pay. What other arcs were
+    taken is not remembered: it pays nothing.
     """
 
     def __init__(self, net: Net, n_bits: int) -> None:
@@ -209,8 +210,14 @@ class Remembered:
         # A reward is paid where a trail enters a piece, and not again.
         pays = np.setdiff1d(np.flatnonzero(graph.reward > 0.0), pieces.entry)
         own: list[list[int]] = [[node] if node in pays else [] for node in range(graph.n_nodes)]
-        for arc, gate in zip(pieces.arc[1:].tolist(), pieces.gate[1:].tolist(), strict=True):
-            own[gate].append(graph.n_nodes + arc)
+        self.worth = {node: float(graph.reward[node]) for node in pays.tolist()}
+        inside = np.bincount(pieces.of, graph.reward, len(pieces.entry))
+        for piece in range(len(inside) - 1, 0, -1):  # from the outermost pieces inwards
+            inside[pieces.of[pieces.gate[piece]]] += inside[piece]
+        for piece, gate in enumerate(pieces.gate[1:].tolist(), 1):
+            bit = graph.n_nodes + int(pieces.arc[piece])
+            own[gate].append(bit)
+            self.worth[bit] = float(inside[piece])
         near = find_near(net.world, min(_COMPARED, graph.n_nodes - 1)).nodes
         self.bits: list[list[int]] = []
         for node, others in enumerate(near.tolist()):
@@ -238,7 +245,7 @@ class Remembered:
         places = [{bit: i for i, bit in enumerate(bits)} for bits in self.bits]
         kept: list[tuple[int, int]] = []
         first_kept = [0]
-        adds, unpaid, barred = (np.full(graph.n_arcs, NONE) for _ in range(3))
+        adds, unpaid, barred = np.zeros((3, graph.n_arcs), np.int64)
         ends = np.where(pieces.into >= 0, graph.tail, graph.head)
         pays = graph.reward > 0.0
         pays[pieces.entry] = False
@@ -247,8 +254,8 @@ class Remembered:
             if pieces.of[tail] == pieces.of[end]:
                 kept += [(before[bit], after[bit]) for bit in before.keys() & after.keys()]
             first_kept.append(len(kept))
-            bits = {n_nodes + arc, end} if pays[end] else {n_nodes + arc}
-            adds[arc] = sum(1 << after[bit] for bit in bits & after.keys())
+            bit = n_nodes + arc if pieces.into[arc] >= 0 else end
+            adds[arc] = 1 << after[bit] if bit in after else 0
             unpaid[arc] = before.get(end, NONE) if pays[end] else NEVER
             barred[arc] = before.get(n_nodes + arc, NONE)
         pairs: OffsetArray = np.array(kept, np.int64).reshape(-1, 2)
@@ -259,39 +266,38 @@ class Remembered:
         """Return what nodes have to remember for a relaxed trail to be impossible.
 
         These are the bits of what it does twice, each with the nodes of the piece between both
-        times that lack it. Bits with the fewest come first.
+        times that lack it. Bits that are worth the most come first.
         """
         found = []
         for walk in self._walks(trail):
             nodes = [node for node, _ in walk]
             times: dict[int, list[int]] = {}
-            for step, (_, bits) in enumerate(walk):
-                for bit in bits:
+            for step, (_, bit) in enumerate(walk):
+                if bit is not None:
                     times.setdefault(bit, []).append(step)
             for bit, steps in times.items():
                 for before, after in pairwise(steps):
                     need = {node for node in nodes[before:after] if bit not in self.bits[node]}
                     if need:
                         found.append((bit, sorted(need)))
-        return sorted(found, key=lambda item: len(item[1]))
+        return sorted(found, key=lambda item: -self.worth[item[0]])
 
-    def _walks(self, trail: RelaxedTrail) -> list[list[tuple[int, list[int]]]]:
+    def _walks(self, trail: RelaxedTrail) -> list[list[tuple[int, int | None]]]:
         """Return the walks inside pieces that a relaxed trail consists of.
 
-        Each step of a walk is a node and the bits of what was done to get there.
+        Each step of a walk is a node, and the bit of what was collected to get there, if anything.
         """
         graph, pieces = self.net.graph, self.net.pieces
-        found = [[(self.net.base, list[int]())]]
+        found: list[list[tuple[int, int | None]]] = [[(self.net.base, None)]]
         inside = [found[0]]
         for arc, pays in zip(*trail, strict=True):
             tail, head = int(graph.tail[arc]), int(graph.head[arc])
-            bit = graph.n_nodes + arc
             if pieces.into[arc] >= 0:
-                inside[-1].append((tail, [bit]))
-                inside.append([(head, [])])
+                inside[-1].append((tail, graph.n_nodes + arc))
+                inside.append([(head, None)])
                 found.append(inside[-1])
             elif pieces.is_back[arc]:
                 inside.pop()
             else:
-                inside[-1].append((head, [bit, head] if pays else [bit]))
+                inside[-1].append((head, head if pays else None))
         return found

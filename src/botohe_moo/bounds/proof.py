@@ -18,7 +18,7 @@ from botohe_moo.bounds.ground import Ground
 from botohe_moo.bounds.kernels.states import ROUNDING
 from botohe_moo.bounds.net import MOST_SLOPES, arcs_by_ends, new_net
 from botohe_moo.bounds.prices import Pool, most_levels
-from botohe_moo.bounds.relaxation import BYTES_A_LABEL, LEVELS, MOST_BITS, MOST_LABELS, Relaxation
+from botohe_moo.bounds.relaxation import BYTES_A_LABEL, FIRST_BITS, LEVELS, MOST_LABELS, Relaxation
 from botohe_moo.bounds.schedule import Known, Schedule
 from botohe_moo.core.world import CHECKING, World
 from botohe_moo.mission.model import Mission
@@ -136,7 +136,7 @@ class Proof:
                 "Prices for this number of robots and nodes do not fit into the memory."
             )
             return False
-        self.ground = self._new_ground(MOST_BITS, n_levels)
+        self.ground = self._new_ground(FIRST_BITS, n_levels)
         if net.max_length < math.inf:
             self._notes.append("Relaxed trails keep the travel budget one arc at a time only.")
         if net.min_survival > 0.0:

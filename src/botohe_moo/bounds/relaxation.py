@@ -42,7 +42,7 @@ _MOST_TRAIL = 400  # links of a relaxed trail that are looked at
 _TURNS = (-1, 0, 1, 2, 4, 7, 11)
 _STEEPEST = 20.0  # of the slopes of hulls, in shares of all reward
 _ENOUGH = 1e-4  # of all reward: how far hulls may lie above what is true, nearly
-MOST_BITS = 14  # that a node remembers at most
+FIRST_BITS, _MOST_BITS = 14, 20  # that a node remembers at most, at first and in the end
 _FIRST_STATES = 15_000  # of relaxed trails at first
 _MOST_STATES = 40_000  # of relaxed trails that have learned what to remember
 _N_SEEN = 1 << 18  # sets of arcs that a depth-first search recognises when it meets them again
@@ -267,7 +267,7 @@ class Relaxation:
         n_most = min(self._most_states, max(_FREE_STATES, int(_GROWTH * len(self.states.node)) + 1))
         twice = [each for trail in trails for each in self._remembered.forgets(trail)]
         while twice:
-            if self._remembered.add(twice, MOST_BITS) and self._find_states(n_most):
+            if self._remembered.add(twice, _MOST_BITS) and self._find_states(n_most):
                 return True
             self._remembered.bits = before
             twice = twice[: len(twice) // 2]
