@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from math import comb, prod
 
 import networkx as nx
 from hypothesis import assume
 from hypothesis import strategies as st
 
-from botohe_moo.mission import Kind, Mission, MissionError
+from botohe_moo.mission import Kind, Mission, MissionError, PlanError, Scenario
 from botohe_moo.trails import TrailPlan
 from tests.twins import all_trails
 
@@ -170,6 +171,43 @@ def missions_with_plans(draw, **options):
 def team_missions_with_plans(draw, **options):
     mission = draw(team_missions(**options))
     return mission, TrailPlan(draw(plans(mission)))
+
+
+@st.composite
+def scenario_missions_with_plans(draw, cases=None):
+    """Missions of one kind or several with one to four scenarios, and plans of them.
+
+    Some arcs are closed in some scenarios. Limits of kinds that scenarios break are left out.
+    """
+    cases = missions_with_plans() | team_missions_with_plans() if cases is None else cases
+    mission, plan = draw(cases)
+    graph = mission.graph.copy()
+    for node in graph:
+        graph.nodes[node]["zone"] = draw(st.sampled_from(["east", "west"]))
+    zones, some = {of["zone"] for _, of in graph.nodes(data=True)}, st.floats(0.0, 1.0)
+    n, found = draw(st.integers(1, 4)), []
+    for i in range(n):
+        arcs = draw(st.lists(st.sampled_from(list(graph.edges)), max_size=3)) if graph.edges else ()
+        nodes = draw(st.lists(st.sampled_from(list(graph)), max_size=2))
+        scenario = Scenario(
+            f"number {i}",
+            draw(st.sampled_from([0.9 / n, 1 / n, 0.1])),
+            factor=draw(st.sampled_from([0.0, 0.5, 1.0, 2.0, 8.0])),
+            zone=draw(st.sampled_from([None, *sorted(zones)])),
+            survival={arc: draw(st.just(0.0) | some) for arc in arcs},
+            reward={node: draw(rewards) for node in nodes},
+        )
+        found.append(scenario)
+    given = {"base": mission.base, "pays": mission.pays, "name": "drawn", "scenarios": found}
+    kinds = [replace(kind, min_survival=0.0) for kind in mission.kinds]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            drawn = Mission(graph, kinds=kinds, **given)
+            drawn.evaluate([plan])
+        except (MissionError, PlanError):  # arcs that nobody survives in any scenario
+            assume(False)
+    return drawn, plan
 
 
 @st.composite

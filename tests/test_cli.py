@@ -887,7 +887,9 @@ class TestFromMap:
         assert Path("site.png").read_bytes() == before
         mission = load_mission("site.json")
         assert mission.graph.nodes[mission.base]["pos"] == pytest.approx([0.45, 2.95])
-        assert mission.world.graph.survival.min() > 0.99  # free space is white, where it is safe
+        assert (
+            mission.world.graph.mean_survival.min() > 0.99
+        )  # free space is white, where it is safe
 
     def test_options(self):
         given = ["--radius", 0.25, "--spacing", 2, "--robots", 2, "--danger", 0.5, "--base", "9,3"]

@@ -9,6 +9,7 @@ from importlib import import_module
 from itertools import combinations_with_replacement, pairwise, product
 from math import inf, log, prod
 from pkgutil import iter_modules
+from types import SimpleNamespace
 
 import networkx as nx
 import numpy as np
@@ -72,6 +73,9 @@ def evaluate(mission, trails, kinds=None):
 
     Without kinds the trails are those of the mission's robots, in order.
     """
+    if mission.scenarios:
+        chances = np.array([scenario.probability for scenario in mission.scenarios])
+        return tuple(chances @ [evaluate(case, trails, kinds) for case in cases(mission)])
     robots = list(zip(kinds or mission.kind_of, trails, strict=False))
     chances = [collects(mission, kind, trail) for kind, trail in robots]
     expected_reward = sum(
@@ -80,6 +84,28 @@ def evaluate(mission, trails, kinds=None):
     )
     survives = (alive_along(mission, kind, trail)[-1] for kind, trail in robots if trail)
     return expected_reward, sum(survives)
+
+
+def cases(mission):
+    """The mission in each scenario, with what twins ask of a mission; arcs may be closed there."""
+    found = []
+    for scenario in mission.scenarios:
+        graph = mission.graph.copy()
+        for tail, head, arc in graph.edges(data=True):
+            zones = {graph.nodes[tail].get("zone"), graph.nodes[head].get("zone")}
+            factor = scenario.factor if scenario.zone in {None, *zones} else 1.0
+            for kind in mission.kinds:
+                usual = of_kind(mission.graph.edges[tail, head]["survival"], kind)
+                value = usual**factor if usual > 0 else 0.0
+                if (tail, head) in scenario.survival and usual > 0:
+                    value = of_kind(scenario.survival[tail, head], kind)
+                arc[kind.name] = value
+            arc["survival"] = {kind.name: arc[kind.name] for kind in mission.kinds}
+        for node, reward in scenario.reward.items():
+            graph.nodes[node]["reward"] = reward
+        same = {name: getattr(mission, name) for name in ("base", "pays", "kinds", "kind_of")}
+        found.append(SimpleNamespace(graph=graph, nodes=mission.nodes, scenarios=(), **same))
+    return found
 
 
 def trail_lengths(mission, trails):
@@ -354,7 +380,7 @@ def _arcs(mission):
     """Return the survival and the length of each arc, cached because twins ask often."""
     graph = mission.world.graph
     arcs = list(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))
-    return [dict(zip(arcs, of.tolist(), strict=True)) for of in (graph.survival, graph.length)]
+    return [dict(zip(arcs, of.tolist(), strict=True)) for of in (graph.mean_survival, graph.length)]
 
 
 def arc_survivals(mission):
@@ -398,8 +424,10 @@ def all_trails(mission, max_steps=20_000, robot=0):
 
 
 def survival_of(mission, trail):
-    survival = arc_survivals(mission)
-    return prod(survival[arc] for arc in pairwise(trail))
+    graph = mission.world.graph
+    arcs = {ends: arc for arc, ends in enumerate(zip(graph.tail, graph.head, strict=True))}
+    alive = (prod(of[arcs[hop]] for hop in pairwise(trail)) for of in graph.survival)
+    return sum(p * s for p, s in zip(graph.probability, alive, strict=True))
 
 
 def reach_of(mission, trail):

@@ -297,7 +297,9 @@ def survivors_distribution(
     if kind is not None:
         check_choice("kind", kind, [known.name for known in mission.kinds])
     if mission.scenarios:
-        found = [(p, survivors_distribution(one, plan, kind=kind)) for p, one in mission.in_scenarios]
+        found = [
+            (p, survivors_distribution(one, plan, kind=kind)) for p, one in mission.in_scenarios
+        ]
         return _mixture(found)
     counts = [kind in (None, of.name) for of in mission.kind_of]
     followed = follow(mission, plan)

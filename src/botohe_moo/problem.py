@@ -41,6 +41,11 @@ class BOTOHE(Problem):
         Travel budget: the lengths of the arcs of every robot's trail sum to at most this, at least
         0; an arc without ``length`` counts 1. It becomes an inequality constraint, too. Default:
         the mission's own (``mission.max_length``), if it has one; ``math.inf`` sets none.
+    risk
+        The first objective is the mean reward of the worst scenarios that have this probability
+        together, in (0, 1), in place of E[R]: the conditional value at risk over scenarios
+        (Rockafellar and Uryasev, "Conditional value-at-risk for general loss distributions",
+        Journal of Banking & Finance 26, 2002). Default: E[R].
     allow_invalid
         Evaluate invalid plans, too, and count their faults as constraint violation, as operators
         without a repair need (:class:`~botohe_moo.operators.PenaltyOnly`).
@@ -74,9 +79,16 @@ class BOTOHE(Problem):
         *,
         min_survival: Probability = 0.0,
         max_length: TravelBudget | None = None,
+        risk: Probability | None = None,
         allow_invalid: bool = False,
     ) -> None:
         check_mission(mission)
+        if risk is not None and not (0.0 < risk < 1.0 and mission.scenarios):
+            raise ValueError(
+                f"Expected risk in (0, 1), for a mission with scenarios, got {risk:g} for "
+                f"{quoted(mission.name)}, which has {len(mission.scenarios)} scenarios."
+            )
+        self.risk = risk
         limits = mission.limits(min_survival, max_length)
         n_constraints = int(allow_invalid) + int(limits.has_floors) + int(limits.has_budgets)
         self.mission = mission
@@ -100,9 +112,20 @@ class BOTOHE(Problem):
             Plans for the mission's team. A PlanError names what is not valid; with
             ``allow_invalid`` a robot is lost at the first fault of its trail.
         """
-        if self.allow_invalid:
-            return -self.mission.evaluate_drafts(batch)[0]
-        return -self.mission.evaluate(batch)
+
+        def evaluate(one: Mission) -> FloatArray:
+            return one.evaluate_drafts(batch)[0] if self.allow_invalid else one.evaluate(batch)
+
+        objectives = evaluate(self.mission)
+        if self.risk is not None:
+            rewards = np.array([evaluate(one)[:, 0] for _, one in self.mission.in_scenarios])
+            order = rewards.argsort(axis=0, kind="stable")
+            chances = np.array([p for p, _ in self.mission.in_scenarios])[order]
+            before = chances.cumsum(axis=0) - chances
+            counted = np.clip(self.risk - before, 0.0, chances)
+            worst = (counted * np.take_along_axis(rewards, order, axis=0)).sum(axis=0)
+            objectives[:, 0] = worst / self.risk
+        return -objectives
 
     def constrain_batch(self, batch: PlanBatch) -> FloatArray:
         """Compute the inequality constraints G (n, n_ieq_constr), at most 0 where they are kept.
@@ -166,7 +189,11 @@ class BOTOHE(Problem):
         >>> BOTOHE(toy).objectives.bounds, Safest(toy).objectives.bounds
         ((10.0, 2.0), (10.0, 1.0))
         """
-        return Objectives.of(self.mission)
+        plain = Objectives.of(self.mission)
+        if self.risk is None:
+            return plain
+        name = f"E[R] in the worst {100 * self.risk:g} %"
+        return Objectives((name, *plain.names[1:]), plain.bounds, plain.columns)
 
     def allowing_invalid(self) -> BOTOHE:
         """Return the same problem with ``allow_invalid``."""
@@ -204,7 +231,7 @@ class BOTOHE(Problem):
         True
         """
         methods = ("_evaluate", "evaluate_batch", "objectives")
-        return not any(overrides(self, method) for method in methods)
+        return self.risk is None and not any(overrides(self, method) for method in methods)
 
     def checked(self, what: str, values: Any, n_plans: int) -> FloatArray:
         """Refuse, by a ValueError, values of a wrong shape, and those that are not finite.

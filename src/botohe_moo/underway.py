@@ -157,10 +157,18 @@ class Replan:
     def __str__(self) -> str:
         price = f"{m.price_text(self.price).capitalize()}."
         if self.gain <= 0.0:
-            return f"{price} What is left of the plan stays as it is."
+            return f"{price} What is left of the plan stays as it is.{self._scenarios}"
         more = (self.objectives - self.before).tolist()
         reward, survivors = map(m.difference_text, more, ("reward", "survivors"))
-        return f"{price} The new plan has {reward} and {survivors}."
+        return f"{price} The new plan has {reward} and {survivors}.{self._scenarios}"
+
+    @property
+    def _scenarios(self) -> str:
+        """A sentence on how probable scenarios are by now; empty without any."""
+        known = [f"{s.name} {s.probability:.2g}" for s in self.left.mission.scenarios]
+        return f" After these events, scenarios are as probable as: {', '.join(known)}." * bool(
+            known
+        )
 
 
 def replan(
@@ -503,17 +511,21 @@ class _Start(NamedTuple):
         Where a share is not 1, the reward is an expectation.
         """
         mission, robots = self.mission, self.robots
-        generator = np.random.default_rng([self.seed, number])
+        generator, true = np.random.default_rng([self.seed, number]), mission
+        if mission.scenarios:  # all robots meet the same one
+            chances = [p for p, _ in mission.in_scenarios]
+            drawn = generator.choice(len(chances), p=np.divide(chances, math.fsum(chances)))
+            true = mission.in_scenarios[int(drawn)][1]
         dangers = generator.random((mission.robots, len(mission.graph.edges)))
         moving, replans, seconds = -1, 0, 0.0
         if steps is not None:
-            steps.append(_step(mission, robots, (), None))
+            steps.append(_step(true, robots, (), None))
         while movers := [robot for robot in robots if _has_hops(robot)]:
             if order := _ORDERS.get(policy):
                 if moving not in [robot.number for robot in movers]:
                     moving = order(movers, key=lambda robot: len(robot.trail) - robot.at).number
                 movers = [robots[moving]]
-            events, new = tuple(_moved(mission, robot, dangers) for robot in movers), None
+            events, new = tuple(_moved(true, robot, dangers) for robot in movers), None
             robots = u.apply_events(robots, events)
             is_time = _is_time(policy, [robots[robot.number] for robot in movers])
             if is_time and any(robot.state != "lost" for robot in robots):
@@ -525,9 +537,9 @@ class _Start(NamedTuple):
                     robots[row] = replace(robots[row], trail=(*gone, *trail))
                 replans, seconds = replans + 1, seconds + time.perf_counter() - began
             if steps is not None:
-                steps.append(_step(mission, robots, events, new))
+                steps.append(_step(true, robots, events, new))
         survivors = sum(robot.state != "lost" for robot in robots)
-        reward = u.settle_rewards(mission, robots).banked
+        reward = u.settle_rewards(true, robots).banked(true)
         outcome = {"reward": reward, "survivors": survivors}
         return outcome | {"replans": replans, "seconds": seconds}
 

@@ -56,7 +56,7 @@ def value_of(net, trail, prices, mu):
     arcs = {pair: arc for arc, pair in enumerate(zip(graph.tail, graph.head, strict=True))}
     alive, worth, seen = 1.0, 0.0, {net.base}
     for pair in pairwise(trail):
-        alive *= graph.survival[arcs[pair]]
+        alive *= graph.mean_survival[arcs[pair]]
         if pair[1] not in seen:
             worth += price_at(prices, pair[1], alive / net.reach[pair[1]] * N_LEVELS)
         seen.add(pair[1])
@@ -93,7 +93,7 @@ def corners_of(net, piece, tables, heights, level):
     """
     slopes = tables.slope[piece, : len(heights)]
     alive = net.reach[net.pieces.gate[piece]] * level / N_LEVELS
-    alive *= net.graph.survival[net.pieces.arc[piece]]
+    alive *= net.graph.mean_survival[net.pieces.arc[piece]]
     found = [0.0, alive]
     for (a, h), (b, k) in combinations(zip(slopes, heights, strict=True), 2):
         found.append(min(max((k - h) / (b - a), 0.0), alive))
@@ -110,7 +110,7 @@ def values_by_dictionary(net, states, prices, mu, tables):
 
     def excursion(piece, after):
         """What is worth the most at each level: an excursion, and what lies ahead behind it."""
-        out, home = graph.survival[[pieces.arc[piece], pieces.back[piece]]]
+        out, home = graph.mean_survival[[pieces.arc[piece], pieces.back[piece]]]
         if piece not in heights:
             there = levels * out * home
             return np.interp(there, levels, after) + prices[pieces.entry[piece]]
@@ -457,7 +457,7 @@ def test_the_best_relaxed_trail_is_followed(mission, memory, seed, turn):
     twin, pieces = states_by_dictionary(net, remembered), net.pieces
     state, behind, alive, worth = (net.base, frozenset()), [], 1.0, 0.0
     for arc, pays in zip(arcs.tolist(), paid.tolist(), strict=True):
-        alive *= net.graph.survival[arc]
+        alive *= net.graph.mean_survival[arc]
         head = int(net.graph.head[arc])
         worth += pays * price_at(prices, head, alive / net.reach[head] * N_LEVELS)
         if pieces.is_back[arc]:
@@ -569,5 +569,5 @@ def test_no_arc_leads_to_more_than_the_best():
     for arc in graph.edges:
         graph.edges[arc]["survival"] = float(rng.choice([0.9, 0.95, 0.97]))
     net = new_net(Mission(graph, base=(0, 0), robots=1).world)
-    there = net.reach[net.graph.tail] * net.graph.survival
+    there = net.reach[net.graph.tail] * net.graph.mean_survival
     assert (there <= net.reach[net.graph.head]).all()

@@ -28,7 +28,7 @@ def free_graph(mission, used):
     free.add_nodes_from(range(graph.n_nodes))
     for arc, (tail, head) in enumerate(zip(graph.tail.tolist(), graph.head.tolist(), strict=True)):
         if used[arc] != USED:
-            free.add_edge(tail, head, cost=-log(graph.survival[arc]), length=graph.length[arc])
+            free.add_edge(tail, head, cost=-log(graph.mean_survival[arc]), length=graph.length[arc])
     return free
 
 
@@ -57,7 +57,7 @@ def assert_path(graph, used, path, source, target):
         here = graph.head[arc]
     assert here == target
     assert len(set(path)) == len(path)
-    return prod(graph.survival[path]), sum(graph.length[path])
+    return prod(graph.mean_survival[path]), sum(graph.length[path])
 
 
 @examples(200)

@@ -18,10 +18,11 @@ from tests.strategies import mission_of, missions_with_plans, team_missions_with
 def walked(mission, trails, visits=None):
     """For each robot's trail, in indices of kernels: visits in order, survival and length."""
     world, found = mission.world, []
-    visits = new_visits(world.graph.n_nodes) if visits is None else visits
+    graph, team = world.graph, world.team
+    visits = new_visits(graph.n_nodes, graph.n_scenarios) if visits is None else visits
     for robot, trail in enumerate(trails):
-        arcs = np.array([find_arc(world.graph, *hop) for hop in pairwise(trail)], np.int64)
-        n, alive, length = walk(world, world.returns, arcs, len(arcs), robot, visits)
+        arcs = np.array([find_arc(graph, *hop) for hop in pairwise(trail)], np.int64)
+        n, alive, length = walk(graph, team, world.returns, arcs, len(arcs), robot, visits)
         listed = zip(visits.node[:n].tolist(), visits.chance[:n].tolist(), strict=True)
         found.append(([*listed], alive, length))
     return found
@@ -86,7 +87,7 @@ def test_what_is_aboard_comes_first_and_what_is_left_at_the_end_is_lost():
 @given(missions_with_plans() | team_missions_with_plans())
 def test_walks_are_their_readable_twin(case):
     mission, plan = case
-    visits = new_visits(mission.world.graph.n_nodes)  # one scratch serves all walks
+    visits = new_visits(mission.world.graph.n_nodes, 1)  # one scratch serves all walks
     found = walked(mission, plan.trails, visits)
     assert walked(mission, plan.trails, visits) == found
     assert visits.n_walks == [2 * mission.robots]

@@ -34,7 +34,7 @@ def assert_ways(graph, homeward, node, end):
 def test_the_graph(mission):
     graph, free = mission.world.graph, whole_graph(mission)
     assert np.array_equal(graph.first[graph.tail], np.searchsorted(graph.tail, graph.tail))
-    assert np.exp(-graph.cost) == pytest.approx(graph.survival)
+    assert np.exp(-graph.cost) == pytest.approx(graph.mean_survival)
     pairs = list(zip(graph.tail.tolist(), graph.head.tolist(), strict=True))
     assert pairs == sorted(pairs)
     for arc, (tail, head) in enumerate(pairs):
@@ -74,7 +74,7 @@ def test_ways_to_the_ends(mission, longest, per_length):
         for one in (world, usual) if per_length == 0.0 else (world,):
             arcs = assert_ways(graph, one.ways.homeward, node, end)
             assert graph.cost[arcs].sum() == pytest.approx(cost, abs=1e-12)
-            assert one.ways.home[node] == pytest.approx(graph.survival[arcs].prod())
+            assert one.ways.home[node] == pytest.approx(graph.mean_survival[arcs].prod())
         if shortest is not None:
             assert np.array_equal(shortest.graph.cost, graph.length)
             expected = nx.dijkstra_path_length(free, node, end, weight="length")

@@ -657,7 +657,7 @@ class TestGraphML:
         assert mission.graph.nodes["1"] == {"reward": 0.0, "label": "dock", "pos": [-3.5, 2.0]}
         drawn = {"reward": 5.0, "visited": True, "r": 153, "label": "Reef"}
         assert mission.graph.nodes["2"] == drawn
-        assert mission.world.graph.survival.tolist() == [0.9, 0.8]
+        assert mission.world.graph.mean_survival.tolist() == [0.9, 0.8]
         other = read_mission(tmp_path / "gephi.graphml", base="Reef")
         assert (other.base, other.rewards.tolist()) == ("2", [0, 5])  # 0 is the default of nodes
 
@@ -693,4 +693,4 @@ def test_arcs_as_older_networkx_names_them(tmp_path):
     content = two()
     content["links"] = content.pop("edges")
     mission = read_mission(written(tmp_path / "links.json", content))
-    assert mission.world.graph.survival.tolist() == [0.5, 0.25]
+    assert mission.world.graph.mean_survival.tolist() == [0.5, 0.25]

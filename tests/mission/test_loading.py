@@ -161,7 +161,7 @@ def test_missions_of_other_packages_and_modules(shore):
     for name in ("reef", "dark_shore:reef"):
         mission = load_mission(name, width=4, danger=0.5, robots=3)
         assert (isinstance(mission, Mission), mission.robots) == (True, 3)
-        assert mission.world.graph.survival.tolist() == [0.5, 0.5, 0.5, 1, 1, 1]
+        assert mission.world.graph.mean_survival.tolist() == [0.5, 0.5, 0.5, 1, 1, 1]
     assert load_mission("dark_shore:Island") == load_mission("dark_shore:Island.far")
     assert len(load_mission("toy").nodes) == 5  # which another package claims
     with pytest.raises(RuntimeError, match="no tide"):

@@ -91,7 +91,7 @@ class TestNumbersAndFlags:
             arc = {"survival": survival, "length": 0}
             mission = Mission(harbour(reef=reef, dock=dock, dock_reef=arc))
             assert (mission.rewards[1], mission.world.graph.length.min()) == (0.5, 0)
-            assert mission.world.graph.survival[0] == survival
+            assert mission.world.graph.mean_survival[0] == survival
 
     def test_another_number_of_robots(self):
         for robots in (0, 1.0, True, None):

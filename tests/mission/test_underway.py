@@ -163,11 +163,12 @@ def test_rewards_by_hand():
     start = robots_at_start(mission, mission.plan([trail, trail]), mission.limits())
     out = apply_events(start, [Event("reached", 0, "lab"), Event("lost", 1, "lab")])
     settled = settle_rewards(mission, out)
-    assert (settled.left["reef"], settled.left["lab"], settled.banked) == (1.0, 8.0, 3.0)
+    banked = settled.banked(mission)
+    assert (settled.left["reef"], settled.left["lab"], banked) == (1.0, 8.0, 3.0)
     assert settled.paid == (["dock", "reef"], ["dock", "reef"])
     assert settled.aboard == ((), ())  # the lab is where robot 0 still is
     at_pier = settle_rewards(mission, apply_events(out, [Event("reached", 0, "pier")]))
-    assert (at_pier.left["lab"], at_pier.banked) == (0.0, 11.0)
+    assert (at_pier.left["lab"], at_pier.banked(mission)) == (0.0, 11.0)
     assert [robot.at for robot in start] == [0, 0]  # events give new states
 
 

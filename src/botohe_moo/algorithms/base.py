@@ -322,6 +322,8 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
             if overrides(problem, method):
                 found = f"{type(problem).__name__} overrides {method}"
                 raise TypeError(f"{found}, which {type(self).__name__} does not call: {why}")
+        if self.evaluates_in_kernels and problem.risk is not None:
+            raise TypeError(f"{type(self).__name__} evaluates E[R] in a kernel, and not risk.")
         check_n_objectives(self, problem, None)
         if problem.n_eq_constr > 0:
             raise ValueError(

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Annotated, Any
 
 import networkx as nx
+import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
@@ -17,7 +19,7 @@ from botohe_moo.algorithms.exact.front import MemoryLimit
 from botohe_moo.base.messages import quoted
 from botohe_moo.base.parameters import NotNegative, Positive, Probability, TravelBudget, checked
 from botohe_moo.bounds.deadline import Deadline
-from botohe_moo.bounds.front_bound import FrontBound
+from botohe_moo.bounds.front_bound import FrontBound, Line
 from botohe_moo.bounds.proof import Proof
 from botohe_moo.core.compile import kernels
 from botohe_moo.core.world import Limits
@@ -28,6 +30,8 @@ from botohe_moo.objectives import check_objectives
 TIME_LIMIT = 60.0
 MEMORY_LIMIT = 1024.0
 MOST_ROBOTS = 5_000
+_SAMPLES = 2_000  # of E[S], where the bounds of scenarios are added up
+_OF_SCENARIOS = "Each scenario is bounded as if plans could be made for it alone."
 
 
 @kernels("compiled")
@@ -49,7 +53,8 @@ def bound_front(
 
     Small missions get their true front. On others, visits and survival get prices, and a relaxation
     bounds what a trail is worth under them; see ``docs/bounds.md``. With kinds of robots or rewards
-    on return, all this is done for a plain mission that allows more.
+    on return, all this is done for a plain mission that allows more. With scenarios it is done for
+    each of them, in its share of the time, and there are no steps.
 
     Parameters
     ----------
@@ -118,6 +123,19 @@ def bound_front(
         raise TypeError(f"Expected callback to be callable, got {quoted(callback)}.")
     known = check_objectives("front", () if front is None else front)
     check_boundable(mission, "bound_front")
+    if mission.scenarios:
+        bound = _over_scenarios(
+            mission,
+            time_limit=time_limit / len(mission.scenarios),
+            memory_limit=memory_limit,
+            n_threads=n_threads,
+            max_length=max_length,
+            seed=seed,
+        )
+        bound.check("front", known)
+        if callback is not None:
+            callback(bound)
+        return bound
     relaxation, world = mission, mission.limited(min_survival, max_length, by=0.0)
     if not mission.is_plain:
         relaxation = relaxed_to_plain(mission, world.limits)
@@ -141,6 +159,46 @@ def bound_front(
     bound = proof.bound()
     bound.check("front", known)
     return bound
+
+
+def _over_scenarios(mission: Mission, **options: Any) -> FrontBound:
+    """Bound the front of a mission with scenarios by the bounds B_s of each.
+
+    For each number j of robots that move, and each price mu of survivors,
+
+        E[R] ≤ Σ_s p_s max_x (B_s(x) + mu · x) − mu · Σ_s p_s x_s.
+
+    B_s never rises: between two samples, it is at most B_s of the first. Floors, which are those of
+    the survival over all scenarios, do not bind in one.
+    """
+    found, robots = [], mission.robots
+    for probability, one in mission.in_scenarios:
+        kinds = [replace(kind, min_survival=0.0) for kind in one.kinds]
+        case = Mission(one.graph, base=one.base, kinds=kinds, pays=one.pays, name=one.name)
+        found.append((probability, bound_front(case, **options)))
+    lines = []
+    for moving in range(1, robots + 1):
+        x = np.linspace(0.0, moving, _SAMPLES + 1)
+        heights = [bound.by_robots(x[:-1] + robots - moving)[moving] for _, bound in found]
+        lines_of = [line for _, bound in found for line in bound.lines if line.n_robots == moving]
+        for mu in sorted({line.mu for line in lines_of}):
+            most = math.fsum(
+                p * float((height + mu * x[1:]).max())
+                for (p, _), height in zip(found, heights, strict=True)
+            )
+            if math.isfinite(most):
+                lines.append(Line(moving, most * (1.0 + 1e-12), mu, "relaxed"))
+    bounds = [bound for _, bound in found]
+    return FrontBound(
+        mission=mission,
+        lines=tuple(lines),
+        steps=(),
+        most_survival=max(bound.most_survival for bound in bounds),
+        min_survival=0.0,
+        max_length=bounds[0].max_length,
+        seconds=sum(bound.seconds for bound in bounds),
+        notes=(*dict.fromkeys(note for bound in bounds for note in bound.notes), _OF_SCENARIOS),
+    )
 
 
 def check_boundable(mission: Mission, who: str) -> None:

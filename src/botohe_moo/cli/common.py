@@ -167,6 +167,7 @@ def mission_options(
     base: str | None = None,
     danger: float | None = None,
     hazard: Path | None = None,
+    scenario: list[str] | None = None,
     mission_parameter: list[str] | None = None,
 ) -> dict[str, Any]:
     """Collect the parameters of a mission, some of which are options of their own.
@@ -183,11 +184,15 @@ def mission_options(
     hazard : FILE
         Map of dangerous places: YAML for the map server of Nav2, with mode: scale. Where it is
         black, the rate of loss is --danger.
+    scenario : NAME=P,...
+        A scenario and its probability, such as "storm=0.2,factor=8,zone=east": hazards are
+        multiplied by the factor, on arcs that begin or end in the zone. Repeatable.
     mission_parameter : -m NAME=VALUE
         A parameter of the mission, such as nodes=500. All mission files take reward=2 and
         both_ways=true. Repeatable.
     """
     own = {"robots": robots, "base": base, "danger": danger, "hazard": hazard and str(hazard)}
+    own |= {"scenarios": scenario or None}
     return with_options(read_parameters(mission_parameter), **own)
 
 

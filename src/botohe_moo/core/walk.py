@@ -9,7 +9,7 @@ from botohe_moo.base.types import BoolArray, FloatArray, IntArray, OffsetArray, 
 from botohe_moo.core import world as worlds
 from botohe_moo.core.compile import array_maker, at_once, helper, inlined
 from botohe_moo.core.rng import GOLDEN, hash_step, mixed
-from botohe_moo.core.world import Graph, Returns, Team, World
+from botohe_moo.core.world import Graph, Returns, Team
 
 
 @helper

@@ -132,6 +132,7 @@ def load_mission(
     *,
     robots: p.Robots | None = None,
     lengths_from_pos: bool = False,
+    scenarios: Any = None,
     **parameters: Any,
 ) -> Mission:
     """Return the mission of a name, or the one in a file.
@@ -149,6 +150,9 @@ def load_mission(
         Team size; default: the mission's own.
     lengths_from_pos
         Whether every arc is as long as its nodes are apart: :meth:`Mission.with_lengths_from_pos`.
+    scenarios
+        A list, each a `Scenario`, a mapping with its parameters, or a text such as
+        "storm=0.2,factor=8,zone=east"; default: the mission's own.
     parameters
         Those of the named mission, such as ``nodes`` of a generator, or options of `read_mission`.
 
@@ -180,12 +184,14 @@ def load_mission(
         source, accepted = MISSIONS.source(str(name_or_path)), p.accepted_parameters(function)
         if robots is not None and any(each.name == "robots" for each in accepted):
             parameters["robots"] = robots
-        known = (*accepted, p.Parameter("robots", None), p.Parameter("lengths_from_pos", False))
+        own = {"robots": None, "lengths_from_pos": False, "scenarios": None}
+        known = (*accepted, *(p.Parameter(*each) for each in own.items()))
         try:
             mission = p.call_factory(source, function, known, parameters, wanted=Mission)
         except (m.PluginError, m.FaultsError) as error:
             raise blamed_on(source, error) from error
         mission = mission if robots in (None, mission.robots) else mission.with_robots(robots)
+    mission = mission if scenarios is None else mission.with_scenarios(scenarios)
     return mission.with_lengths_from_pos() if lengths_from_pos else mission
 
 
@@ -221,6 +227,8 @@ def read_mission(path: FilePath, /, **options: Any) -> Mission:
         - ``name``: the mission's name; default: the file's, or the name of the file.
         - ``kinds``: kinds of robots, each a `Kind` or a mapping; default: the file's.
         - ``pays``: ``"arrival"`` or ``"return"``, as for `Mission`; default: the file's.
+        - ``scenarios``: as for `load_mission`; default: the file's, objects with the parameters of
+          `Scenario`, whose ``survival`` lists [tail, head, number], and ``reward`` [node, number].
         - ``both_ways``: whether every arc can be passed both ways, with the same attributes, unless
           the file has an arc back; default: False.
         - ``danger`` (at least 0): the rate of loss for a unit of length. An arc without a survival

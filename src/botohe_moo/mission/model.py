@@ -194,7 +194,9 @@ class Mission:
         if self.scenarios:
             probability = np.array([scenario.probability for scenario in self.scenarios])
             probability /= probability.sum()
-            survival, worth = _in_scenarios(self, [(self.nodes[u], self.nodes[v]) for u, v, _ in arcs])
+            survival, worth = _in_scenarios(
+                self, [(self.nodes[u], self.nodes[v]) for u, v, _ in arcs]
+            )
             reward = np.where((worth == reward).all(axis=0), reward, probability @ worth)
         taken = survival.max(axis=0) > 0.0
         for k, (start, end) in enumerate(ends.tolist()):
@@ -267,14 +269,16 @@ class Mission:
         nx.set_node_attributes(graph, dict(scenario.reward), "reward")
         return self._derive(graph, self.kinds)
 
-    def _derive(self, graph: nx.DiGraph[Any], kinds: Iterable[Kind]) -> Mission:
+    def _derive(
+        self, graph: nx.DiGraph[Any], kinds: Iterable[Kind], scenarios: Sequence[Scenario] = ()
+    ) -> Mission:
         """Return the mission on another graph with other kinds, without checking them.
 
         Checks would take most of the time of replanning.
         """
         derived = Mission.__new__(Mission)
-        given = {"base": self.base, "pays": self.pays, "name": self.name, "scenarios": ()}
-        derived._set_up(graph, kinds, given)
+        given = {"base": self.base, "pays": self.pays, "name": self.name}
+        derived._set_up(graph, kinds, given | {"scenarios": tuple(scenarios)})
         return derived
 
     @cached_property
@@ -296,6 +300,22 @@ class Mission:
         other.robots, other.kinds = kinds[0].robots, kinds
         other.world = other._new_world()
         return other
+
+    def with_scenarios(self, scenarios: Any) -> Mission:
+        """Return the same mission with other scenarios, each a `Scenario`, a mapping, or a text.
+
+        A text is such as "storm=0.2,factor=8,zone=east". A MissionError lists what is wrong.
+
+        Examples
+        --------
+        >>> from botohe_moo import load_mission
+        >>> mission = load_mission("toy").with_scenarios(["storm=0.25,factor=3"])
+        >>> [(scenario.name, scenario.probability) for scenario in mission.scenarios]
+        [('storm', 0.25), ('otherwise', 0.75)]
+        """
+        found = rules.read_scenarios(scenarios, lambda label: label)
+        given = {"base": self.base, "pays": self.pays, "scenarios": found}
+        return Mission(self.graph, kinds=self.kinds, name=self.name, **given)
 
     def with_lengths_from_pos(self) -> Mission:
         """Return the same mission with the distances between positions as lengths of arcs.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from itertools import chain
 from numbers import Integral
@@ -208,26 +209,24 @@ def read_kinds(kinds: Any, read: _Read = dict) -> tuple[tuple[Kind, ...], list[s
     return tuple(found), faults or _kind_name_faults(found)
 
 
-def refuse_scenarios(mission: Any, who: str) -> None:
-    """Refuse, by a ValueError that says who refuses, a mission with scenarios."""
-    if mission.scenarios:
-        raise ValueError(
-            f"Expected a mission without scenarios for {who}, got {quoted(mission.name)}, which "
-            f"has {len(mission.scenarios)}. mission.in_scenario(name) is the mission in one of them."
-        )
-
-
 def read_scenarios(scenarios: Any, find: Callable[[Any], Any]) -> Any:
-    """Return scenarios as a graph holds them, from mappings as files hold them.
+    """Return scenarios as a graph holds them, from mappings as files hold them, or from texts.
 
     Those have lists in place of mappings from nodes and arcs: [tail, head, survival] and [node,
-    reward]. ``find`` returns the node of a label. What is not of this form stays as it is.
+    reward]. ``find`` returns the node of a label. A text is such as "storm=0.2,factor=8,zone=east".
+    What is not of this form stays as it is.
     """
     if not isinstance(scenarios, list | tuple):
         return scenarios
     found = []
     for given in scenarios:
         own = dict(given) if isinstance(given, Mapping) else given
+        if isinstance(own, str):
+            first, *others = (part.partition("=")[::2] for part in own.split(","))
+            own = {"name": first[0], "probability": first[1], **dict(others)}
+            for name in {"probability", "factor"} & own.keys():
+                with suppress(ValueError):
+                    own[name] = float(own[name])
         for name, n_labels in (("survival", 2), ("reward", 1)):
             rows = own.get(name) if isinstance(own, dict) else None
             if isinstance(rows, list) and all(_is_list(r) and len(r) == n_labels + 1 for r in rows):

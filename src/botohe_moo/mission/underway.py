@@ -12,7 +12,7 @@ import networkx as nx
 
 from botohe_moo.base.messages import quoted
 from botohe_moo.core.world import CHECKING, Limits
-from botohe_moo.mission.rules import Kind, MissionError, by_kind, refuse_scenarios
+from botohe_moo.mission.rules import Kind, MissionError, Scenario, by_kind
 from botohe_moo.trails import TrailPlan
 
 _STATES = {"reached": "out", "lost": "lost", "home": "home"}  # of a robot after each event
@@ -76,8 +76,8 @@ class Event:
 class RobotState:
     """A robot under way: where it is on its trail, and whether it is out, lost or home.
 
-    A lost robot stays at the last node that it reached. The kind has the limits that the robot had
-    to keep at the start.
+    A lost robot stays at the last node that it reached, and it may be known that it was lost on the
+    next arc. The kind has the limits that the robot had to keep at the start.
     """
 
     number: int
@@ -85,6 +85,7 @@ class RobotState:
     trail: tuple[Hashable, ...]
     at: int = 0
     state: str = "out"
+    is_place_known: bool = True
 
 
 def robots_at_start(mission: Any, plan: TrailPlan, limits: Limits) -> list[RobotState]:
@@ -92,7 +93,6 @@ def robots_at_start(mission: Any, plan: TrailPlan, limits: Limits) -> list[Robot
 
     A PlanError says if the plan is not valid, or does not keep the limits.
     """
-    refuse_scenarios(mission, "a mission under way")
     mission.check_limits([plan], limits.loosened(CHECKING))
     robots = []
     for robot, trail in enumerate(mission.labels(plan)):
@@ -143,7 +143,8 @@ def apply_event(robots: Sequence[RobotState], event: Event) -> RobotState:
         listed = ", ".join(map(quoted, places)) or "which has ended"
         raise EventError(f"{event}: expected {expected}, {listed}.")
     at = first if event.node is None else first + places.index(event.node)
-    return replace(robot, at=at - (event.what == "lost"), state=_STATES[event.what])
+    is_lost, is_known = event.what == "lost", event.what != "lost" or event.node is not None
+    return replace(robot, at=at - is_lost, state=_STATES[event.what], is_place_known=is_known)
 
 
 class Settled(NamedTuple):
@@ -152,9 +153,9 @@ class Settled(NamedTuple):
     Attributes
     ----------
     left
-        What each node still pays.
-    banked
-        The expected reward that counts already.
+        What each node still pays, where no scenario says anything else.
+    share
+        The share of each node's reward that is left, in all scenarios.
     paid
         For each robot, the nodes where it collects nothing any more.
     aboard
@@ -162,9 +163,14 @@ class Settled(NamedTuple):
     """
 
     left: dict[Hashable, float]
-    banked: float
+    share: dict[Hashable, float]
     paid: tuple[list[Hashable], ...]
     aboard: tuple[tuple[Hashable, ...], ...]
+
+    def banked(self, mission: Any) -> float:
+        """Return the reward of a mission without scenarios that counts already."""
+        rewards = ((node, float(pays)) for node, pays in mission.graph.nodes(data="reward"))
+        return math.fsum(pays - pays * self.share[node] for node, pays in rewards)
 
 
 def settle_rewards(mission: Any, robots: Sequence[RobotState]) -> Settled:
@@ -173,14 +179,14 @@ def settle_rewards(mission: Any, robots: Sequence[RobotState]) -> Settled:
     Each robot that is paid for node v leaves r(v) · (1 − share) of its expected reward r(v).
     """
     nodes = mission.graph.nodes
-    left = {node: float(reward) for node, reward in nodes(data="reward")}
+    left = dict.fromkeys(nodes, 1.0)
     paid, aboard = zip(*(_collected(mission, robot) for robot in robots), strict=True)
     for robot, collected in zip(robots, paid, strict=True):
         for node in collected:
             [share] = by_kind(nodes[node].get("share", 1.0), [robot.kind])
             left[node] *= 1.0 - share
-    banked = math.fsum(float(nodes[node]["reward"]) - pays for node, pays in left.items())
-    return Settled(left, banked, paid, aboard)
+    rewards = {node: float(of["reward"]) * left[node] for node, of in nodes(data=True)}
+    return Settled(rewards, left, paid, aboard)
 
 
 def _collected(mission: Any, robot: RobotState) -> tuple[list[Hashable], tuple[Hashable, ...]]:
@@ -285,6 +291,7 @@ def under_way(
 def remaining_mission(mission: Any, robots: Sequence[RobotState]) -> UnderWay:
     """Return what is left of a mission whose robots are where they are; see `under_way`."""
     settled = settle_rewards(mission, robots)
+    cases = _posterior(mission, robots)
     groups: dict[Kind, list[RobotState]] = {}  # in the order of their first rows
     for robot, aboard in zip(robots, settled.aboard, strict=True):
         if robot.state != "lost":
@@ -293,10 +300,54 @@ def remaining_mission(mission: Any, robots: Sequence[RobotState]) -> UnderWay:
         raise MissionError("all robots are lost", f"Mission {quoted(mission.name)}")
     first = {kind.name: group[0] for kind, group in groups.items()}
     kinds = [replace(kind, robots=len(group)) for kind, group in groups.items()]
-    rest = mission._derive(_graph_left(mission, first, settled), kinds)
+    scenarios = [_scenario_left(of, first, settled) for of in cases]
+    rest = mission._derive(_graph_left(mission, first, settled), kinds, scenarios)
     left = [robot for group in groups.values() for robot in group]
     plan = rest.plan([robot.trail[robot.at :] for robot in left])
-    return UnderWay(rest, plan, tuple(robot.number for robot in left), settled.banked)
+    found = [of.probability * settled.banked(mission.in_scenario(of.name)) for of in cases]
+    banked = math.fsum(found) if cases else settled.banked(mission)
+    return UnderWay(rest, plan, tuple(robot.number for robot in left), banked)
+
+
+def _posterior(mission: Any, robots: Sequence[RobotState]) -> list[Scenario]:
+    """Return the scenarios that are left, with their probabilities after what has happened.
+
+    These follow from Bayes' rule: a scenario is the more probable, the more probable it makes what
+    has happened to the robots, which are lost independently in each scenario.
+    """
+    found = []
+    for scenario, (_, one) in zip(mission.scenarios, mission.in_scenarios, strict=False):
+        likelihood = math.prod(_likelihood(one, robot) for robot in robots)
+        found.append(replace(scenario, probability=scenario.probability * likelihood))
+    total = math.fsum(scenario.probability for scenario in found)
+    if found and total == 0.0:
+        raise EventError(f"No scenario of mission {quoted(mission.name)} allows these events.")
+    left = [of for of in found if of.probability > 0.0]
+    return [replace(of, probability=of.probability / total) for of in left]
+
+
+def _likelihood(mission: Any, robot: RobotState) -> float:
+    """Return how probable it is, in a scenario, that this has happened to a robot."""
+    arcs = [mission.graph.edges[arc]["survival"] for arc in pairwise(robot.trail)]
+    hops = [by_kind(survival, [robot.kind])[0] for survival in arcs]
+    chance = math.prod(hops[: robot.at])
+    if robot.state != "lost":
+        return chance
+    end = robot.at + 1 if robot.is_place_known else len(hops)
+    return chance * (1.0 - math.prod(hops[robot.at : end]))
+
+
+def _scenario_left(
+    scenario: Scenario, first: Mapping[str, RobotState], settled: Settled
+) -> Scenario:
+    """Return a scenario for the kinds that are left, given the first robot of each by its name."""
+    kinds = [robot.kind for robot in first.values()]
+    survival = {
+        arc: dict(zip(first, by_kind(value, kinds), strict=True))
+        for arc, value in scenario.survival.items()
+    }
+    reward = {node: value * settled.share[node] for node, value in scenario.reward.items()}
+    return replace(scenario, survival=survival, reward=reward)
 
 
 def _kind_left(mission: Any, robot: RobotState, aboard: tuple[Hashable, ...]) -> Kind:

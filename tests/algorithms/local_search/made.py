@@ -84,7 +84,9 @@ def check(found, floor=0.0, budget=None):
 def check_clean(found):
     """Whether the workspace holds nothing of a parent."""
     work = found._work
-    assert work.nodes["marginal"].tolist() == found.world.graph.reward.tolist()
+    assert work.nodes["marginal"].tolist() == work.alone.tolist()
+    n_nodes = found.world.graph.n_nodes
+    assert work.alone[-n_nodes:] == pytest.approx(found.world.graph.reward, rel=1e-14, abs=0)
     assert (work.nodes["unreached"] == -1.0).all()
     assert (work.nodes["met"] == NEVER).all()
     assert (work.nodes["later"] == 0.0).all()
@@ -141,7 +143,7 @@ class Child:
             parent = self.others.pop(self.robot)
         self.fixed, self.survivors = float(draft.others), float(draft.survivors)
         self.gained, self.parent = gained, parent
-        laid = work.steps["arc"][: draft.length].tolist()
+        laid = work.steps["arc"][0, : draft.length].tolist()
         middle = work.middle[: draft.n_middle].tolist()
         self.arcs = [*laid[: draft.prefix], *middle, *laid[draft.suffix :]]
         n = moves.write_child(work)

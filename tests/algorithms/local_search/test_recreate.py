@@ -170,7 +170,7 @@ class Filler:
     def __init__(self, mission, per_length, marginal, worth, power):
         graph, n_nodes = mission.world.graph, len(mission.nodes)
         self.danger, self.length = np.zeros((2, n_nodes, n_nodes))
-        self.danger[graph.tail, graph.head] = -np.log(graph.survival)
+        self.danger[graph.tail, graph.head] = -np.log(graph.mean_survival)
         self.length[graph.tail, graph.head] = graph.length
         self.cost = self.danger + per_length * self.length
         self.marginal, self.worth, self.power = marginal, worth, power

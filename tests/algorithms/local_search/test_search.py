@@ -15,7 +15,12 @@ from botohe_moo.algorithms.local_search.kernels.state import N_TRAILS, new_store
 from tests import twins
 from tests.algorithms.local_search.made import check, outcome, started, watched
 from tests.examples import examples
-from tests.strategies import mission_of, missions_with_plans, team_missions_with_plans
+from tests.strategies import (
+    mission_of,
+    missions_with_plans,
+    scenario_missions_with_plans,
+    team_missions_with_plans,
+)
 from tests.twins import plain_local_search
 
 FLOORS = st.sampled_from([0.0, 0.0, 0.3, 1.0])
@@ -26,7 +31,9 @@ BUDGETS = st.sampled_from([inf, inf, 7.0, 3.0, 0.0])
 @given(
     missions_with_plans(min_nodes=2)
     | team_missions_with_plans()
-    | team_missions_with_plans(pays="return"),
+    | team_missions_with_plans(pays="return")
+    | scenario_missions_with_plans()
+    | scenario_missions_with_plans(team_missions_with_plans(pays="return")),
     st.sampled_from([*DEFAULT_MOVES, "all", "all"]),
     FLOORS,
     BUDGETS,

@@ -51,7 +51,7 @@ def test_there_is_room_for_what_one_parent_needs(robots):
 
 
 def find_routes(world, per_length=0.0):
-    return state.find_routes(world, np.full(world.graph.n_nodes, per_length))
+    return state.find_routes([world], np.full(world.graph.n_nodes, per_length))
 
 
 def assert_routes(mission, routes, goal, near=None):
@@ -59,22 +59,23 @@ def assert_routes(mission, routes, goal, near=None):
     graph, backwards = mission.world.graph, whole_graph(mission).reverse()
     safest = nx.single_source_dijkstra_path_length(backwards, goal, weight="cost")
     n_known = graph.n_nodes if near is None else min(near, len(safest))
-    assert routes.n_known[goal] == n_known
-    entries = [state.route_entry(routes, goal, node) for node in range(graph.n_nodes)]
+    assert routes.n_known[0, goal] == n_known
+    entries = [state.route_entry(routes, 0, goal, node) for node in range(graph.n_nodes)]
+    row = routes.entries[0, goal]
     known = {node: entry for node, entry in enumerate(entries) if entry != state.UNKNOWN}
     assert len(known) == min(n_known, len(safest))
     farthest = max(safest[node] for node in known)
     assert all(safest[node] >= farthest - 1e-9 for node in safest.keys() - known.keys())
     for node, entry in known.items():
-        assert routes.entries[goal, entry].cost == pytest.approx(safest[node], rel=1e-12, abs=1e-12)
+        assert row[entry].cost == pytest.approx(safest[node], rel=1e-12, abs=1e-12)
         cost, here = 0.0, node
         while here != goal:
-            arc = routes.entries[goal, entry].arc
+            arc = row[entry].arc
             assert graph.tail[arc] == here
-            cost -= log(graph.survival[arc])
-            here, entry = graph.head[arc], routes.entries[goal, entry].onward
-            assert routes.entries[goal, entry].source == here
-        assert routes.entries[goal, entry].arc == -1
+            cost -= log(graph.mean_survival[arc])
+            here, entry = graph.head[arc], row[entry].onward
+            assert row[entry].source == here
+        assert row[entry].arc == -1
         assert cost == pytest.approx(safest[node], rel=1e-12, abs=1e-12)
 
 
@@ -90,7 +91,7 @@ def test_rows_hold_the_safest_paths_and_on_larger_missions_those_from_near_nodes
         patch.setattr(state, "NEAR", near)
         routes = find_routes(mission.world)
     n_most = near if is_larger else n_nodes
-    assert (routes.entries.shape, routes.leaving.size == 0) == ((n_nodes, n_most), is_larger)
+    assert (routes.entries.shape, routes.leaving.size == 0) == ((1, n_nodes, n_most), is_larger)
     for goal in range(n_nodes):
         assert_routes(mission, routes, goal, near if is_larger else None)
 
@@ -117,13 +118,13 @@ def test_costs_and_lengths_of_the_cheapest_paths_there_and_back(mission, per_len
                 ((other, node), routes.coming, routes.coming_length),
             ):
                 least = costs[there[0]].get(there[1], state.FAR)
-                assert found[node, other] == pytest.approx(least, rel=1e-12, abs=1e-12)
+                assert found[0, node, other] == pytest.approx(least, rel=1e-12, abs=1e-12)
                 if per_length is None:
                     assert lengths.size == 0
                 elif least < state.FAR:
                     ways = best_ways(graph, *there, "cost")
                     possible = [nx.path_weight(graph, way, "length") for way in ways]
-                    length = pytest.approx(lengths[node, other], rel=1e-9, abs=1e-9)
+                    length = pytest.approx(lengths[0, node, other], rel=1e-9, abs=1e-9)
                     assert any(each == length for each in possible)
 
 
@@ -159,17 +160,17 @@ def test_what_lies_ahead(case):
         trail = plans.add_trail(search.parts, robot, write_child(search, nodes))
         if trail == NOT_STORED:  # it does not keep the limits of its kind
             continue
-        start, work.draft.robot, work.draft.carried = world.team.start[robot], robot, 0.0
+        start, work.draft.robot = world.team.start[robot], robot
         work.draft.layer = start - world.team.origin[start]
         plans._load(world, work)
         plans.lay_out(world, world.returns, search._store, work, trail)
-        for i, step in enumerate(work.steps[: len(nodes)]):
+        for i, step in enumerate(work.steps[0, : len(nodes)]):
             found = [step.ahead, step.gained]
             if world.returns is not None:
-                found += [work.loads[i].carried, work.loads[i].to_depot]
+                found += [work.loads[0, i].carried, work.loads[0, i].to_depot]
             expected = noted(mission, mission.kind_of[robot], nodes, i)[: len(found)]
             assert found == pytest.approx(expected, rel=1e-12, abs=1e-14)
-        plans.clear_trail(work)
+        plans.clear_trail(work, world.graph.n_nodes)
         plans.clear_others(world, work)
     check_clean(search)
 

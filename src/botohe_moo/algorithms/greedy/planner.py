@@ -210,7 +210,7 @@ class SequentialPlanner:
 
 
 def _unreached(world: World) -> FloatArray:
-    """Return the probability that no robot collects each entry of ``Team.worth``, before all trails.
+    """Return the probability that no robot collects each entry of ``Team.worth``, at first.
 
     What robots collect where they start is the same on all trails, and may be large: it is left
     out.

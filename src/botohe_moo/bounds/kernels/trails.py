@@ -146,7 +146,9 @@ def new_depths(
         used=np.full(n_arcs, -1, np.int64),
         met=np.full(n_nodes, -1, np.int64),
         keys=random_state.integers(2**64, size=(n_arcs, 2), dtype=np.uint64),
-        cost=np.rint(np.minimum(-np.log(net.graph.mean_survival), _LARGEST) * _UNIT).astype(np.int64),
+        cost=np.rint(np.minimum(-np.log(net.graph.mean_survival), _LARGEST) * _UNIT).astype(
+            np.int64
+        ),
         seen=np.zeros(n_seen, _SEEN).view(np.recarray),
     )
 
@@ -337,7 +339,9 @@ def _bound_ahead(
         for line in range(most.shape[0]):
             most[line] = chord(ahead.values[line], state, level)
         return
-    unit = net.world.graph.mean_survival[pieces.back[piece]] / net.reach[pieces.gate[piece]] * n_levels
+    unit = (
+        net.world.graph.mean_survival[pieces.back[piece]] / net.reach[pieces.gate[piece]] * n_levels
+    )
     local, outside, corners = state - states.begin[piece], depths.ahead[context], depths.corners
     for line in range(most.shape[0]):
         which = ahead.tables[line]

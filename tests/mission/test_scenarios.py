@@ -1,0 +1,364 @@
+"""Missions with scenarios: what they are worth, what is refused, files, and who honours them."""
+
+import warnings
+from collections import Counter
+from math import fsum
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymoo.optimize import minimize
+
+from botohe_moo import (
+    BOTOHE,
+    Event,
+    Kind,
+    Mission,
+    MissionError,
+    Scenario,
+    algorithm_names,
+    area_indicator,
+    bound_front,
+    load_mission,
+    make_algorithm,
+    plan_outcomes,
+    replan,
+    save_mission,
+    simulate_policy,
+    solve,
+    worst_case,
+)
+from botohe_moo.algorithms import exact_front
+from botohe_moo.decide import robustness
+from botohe_moo.outcomes import collect_probabilities, reach_probabilities, simulate
+from botohe_moo.underway import EventError, under_way
+from tests import twins
+from tests.examples import examples
+from tests.strategies import missions_with_plans, scenario_missions_with_plans
+
+TOY = load_mission("toy")
+STORM = Scenario("storm", 0.25, factor=3.0)
+SHUT = Scenario("shut", 0.25, survival={(1, 2): 0.0})
+RICH = Scenario("rich", 0.2, reward={4: 9.0})
+THREE = Mission(TOY.graph, scenarios=[STORM, SHUT, RICH])
+PLAN = THREE.plan([[1, 2, 4, 2, 1], [1, 3, 1]])
+
+
+def test_by_hand():
+    """There and back to 2, each way survived with 0.5, or in a storm with 0.25; 4 or 6 at 2."""
+    graph = nx.DiGraph([(1, 2), (2, 1)])
+    nx.set_node_attributes(graph, {1: 0.0, 2: 4.0}, "reward")
+    nx.set_edge_attributes(graph, 0.5, "survival")
+    storm = Scenario("storm", 0.25, factor=2, reward={2: 6.0})
+    mission = Mission(graph, base=1, robots=2, scenarios=[storm])
+    assert [(s.name, s.probability) for s in mission.scenarios] == [
+        ("storm", 0.25),
+        ("otherwise", 0.75),
+    ]
+    assert (mission.rewards.tolist(), mission.total_reward) == ([0.0, 4.5], 4.5)
+    plan = mission.plan([[1, 2, 1], [1, 2, 1]])
+    reward = 0.25 * 6 * (1 - 0.75**2) + 0.75 * 4 * (1 - 0.5**2)
+    survivors = 2 * (0.25 * 0.25**2 + 0.75 * 0.5**2)
+    assert mission.evaluate([plan])[0].tolist() == [reward, survivors]
+    assert mission.robot_survival([plan])[0].tolist() == [survivors / 2] * 2
+    # If both were lost independently of each other also in what they meet, it would be more.
+    alone = Mission(graph, base=1, robots=2).evaluate([plan])[0]
+    assert alone.tolist() == [3.0, 0.5]
+
+
+@examples(300)
+@given(scenario_missions_with_plans())
+def test_objectives_are_those_of_all_scenarios(case):
+    mission, plan = case
+    found, trails = mission.evaluate([plan])[0], mission.labels(plan)
+    expected = twins.evaluate(mission, trails)
+    near = {"rel": 1e-12, "abs": 1e-12 * (1 + mission.total_reward)}
+    assert found.tolist() == pytest.approx(expected, **near)
+    by_case = [one.evaluate([plan])[0] for _, one in mission.in_scenarios]
+    chances = [p for p, _ in mission.in_scenarios]
+    assert fsum(chances) == pytest.approx(1.0)
+    assert np.dot(chances, by_case).tolist() == pytest.approx(expected, **near)
+    alive = [
+        sum(
+            s.probability * twins.alive_along(one, kind, trail)[-1]
+            for s, one in zip(mission.scenarios, twins.cases(mission), strict=True)
+        )
+        for kind, trail in zip(mission.kind_of, trails, strict=True)
+    ]
+    assert mission.robot_survival([plan])[0].tolist() == pytest.approx(alive, abs=1e-14)
+
+
+@examples(60)
+@given(scenario_missions_with_plans(missions_with_plans(max_nodes=4, max_robots=2)))
+def test_outcomes_are_those_of_all_fates_in_all_scenarios(case):
+    mission, plan = case
+    reward, survivors = Counter(), Counter()
+    for scenario, one in zip(mission.scenarios, twins.cases(mission), strict=True):
+        for chance, collected, n in twins.enumerate_outcomes(one, mission.labels(plan)):
+            reward[round(collected, 9)] += scenario.probability * chance
+            survivors[n] += scenario.probability * chance
+    found = plan_outcomes(mission, plan)
+    assert found.reward.exact
+    for wanted in [0.0, mission.total_reward / 3, mission.total_reward]:
+        least = wanted * (1 - 1e-12)
+        expected = sum(p for x, p in reward.items() if x >= least - 1e-8)
+        # Near a value, rounding decides.
+        if all(abs(x - wanted) > 1e-7 for x in reward):
+            assert found.reward.at_least(wanted) == pytest.approx(expected, abs=1e-9)
+    mean = sum(x * p for x, p in reward.items())
+    assert found.reward.mean == pytest.approx(mean, abs=1e-7)
+    for n in range(1, mission.robots + 1):
+        expected = sum(p for x, p in survivors.items() if x >= n)
+        assert found.survivors.at_least(n) == pytest.approx(expected, abs=1e-9)
+
+
+@examples(60)
+@given(missions_with_plans(), st.floats(0.01, 1.0))
+def test_scenarios_that_say_nothing_change_nothing(case, probability):
+    mission, plan = case
+    given = {"base": 0, "robots": mission.robots, "name": "drawn"}
+    same = Mission(mission.graph, scenarios=[Scenario("same", 1.0)], **given)
+    assert same.evaluate([plan]).tolist() == mission.evaluate([plan]).tolist()
+    split = Mission(mission.graph, scenarios=[Scenario("same", probability)], **given)
+    assert split.evaluate([plan])[0] == pytest.approx(mission.evaluate([plan])[0], rel=1e-13)
+    assert split.in_scenario("same") == mission
+
+
+def test_one_scenario_gives_the_front_of_none():
+    one = Mission(TOY.graph, scenarios=[Scenario("the only one", 1.0)])
+    fronts = [solve(mission, evaluations=3_000, seed=1).objectives for mission in (TOY, one)]
+    assert np.array_equal(*fronts)
+
+
+def test_a_factor_holds_for_arcs_of_a_zone_and_not_where_a_survival_is_given():
+    graph = TOY.graph.copy()
+    graph.nodes[4]["zone"] = "east"
+    mission = Mission(
+        graph, scenarios=[Scenario("flood", 0.5, factor=2, zone="east", survival={(4, 2): 0.25})]
+    )
+    usual, flooded = (
+        dict(nx.get_edge_attributes(one.graph, "survival"))
+        for one in (mission, mission.in_scenario("flood"))
+    )
+    expected = {arc: s**2 if 4 in arc else s for arc, s in usual.items()} | {(4, 2): 0.25}
+    assert flooded == expected
+
+
+def test_each_fault_is_named():
+    graph = TOY.graph.copy()
+    graph.nodes[4]["zone"] = "east"
+    for scenarios, faults in (
+        ("storm", ["expected scenarios to be a list of scenarios, got 'storm'"]),
+        ([3], ["scenarios[0]: expected a Scenario, or an object, got 3"]),
+        (
+            [{"name": "x", "probability": 0.5, "factors": 2}],
+            ["scenarios[0]: there is no 'factors' of a scenario (did you mean 'factor'?)"],
+        ),
+        ([Scenario("x", 0.0)], ["scenario 'x': expected probability in (0, 1], got 0.0"]),
+        ([Scenario("x", 0.5, factor=-1)], ["scenario 'x': expected a finite factor >= 0, got -1"]),
+        ([Scenario("x", 0.5), Scenario("x", 0.5)], ["scenario 'x': there are two of this name"]),
+        (
+            [Scenario("x", 0.5), Scenario("y", 0.6)],
+            ["expected probabilities of scenarios that sum to at most 1, got 1.1"],
+        ),
+        (
+            [Scenario("x", 0.5, survival={(1, 9): 0.5})],
+            ["scenario 'x': survival of (1, 9): expected the tail and the head of an arc"],
+        ),
+        (
+            [Scenario("x", 0.5, survival={(1, 2): 1.5})],
+            ["scenario 'x': arc 1 -> 2: expected survival in [0, 1], got 1.5"],
+        ),
+        ([Scenario("x", 0.5, reward={4: -1})], ["scenario 'x': node 4: expected a finite reward"]),
+        ([Scenario("x", 0.5, reward={9: 1})], ["scenario 'x': reward 9: no such node"]),
+        ([Scenario("x", 0.5, zone="est")], ["scenario 'x': zone 'est': no node has this zone"]),
+        ([Scenario("a:b", 0.5)], ["scenario 'a:b': expected a printable name"]),
+    ):
+        with pytest.raises(MissionError) as caught:
+            Mission(graph, scenarios=scenarios)
+        assert len(caught.value.faults) == len(faults)
+        for found, expected in zip(caught.value.faults, faults, strict=True):
+            assert found.startswith(expected)
+    with pytest.raises(ValueError, match="scenario"):
+        THREE.in_scenario("strom")
+
+
+@pytest.mark.parametrize("suffix", [".json", ".graphml"])
+def test_files_hold_scenarios(tmp_path, suffix):
+    graph = nx.relabel_nodes(TOY.graph, str)
+    graph.graph.update(base="1")
+    graph.nodes["4"]["zone"] = "east"
+    mission = Mission(
+        graph,
+        scenarios=[
+            Scenario("storm", 0.25, factor=3.0, zone="east"),
+            Scenario("shut", 0.25, survival={("1", "2"): 0.0}, reward={"4": 9.0}),
+        ],
+    )
+    path = tmp_path / f"site{suffix}"
+    save_mission(mission, path)
+    read = load_mission(path)
+    assert read == mission
+    assert [s.name for s in read.scenarios] == ["storm", "shut", "otherwise"]
+    assert read.with_robots(5).scenarios == read.scenarios
+
+
+@pytest.mark.parametrize("name", algorithm_names())
+def test_every_algorithm_honours_scenarios_or_refuses(name):
+    """What it returns is worth what it says, and floors hold over all scenarios."""
+    if not type(make_algorithm(name)).supports(THREE):
+        with pytest.raises(Exception, match="which has scenarios"):
+            solve(THREE, make_algorithm(name), evaluations=300, seed=1)
+        return
+    found = solve(THREE, make_algorithm(name), evaluations=300, seed=1, min_survival=0.5)
+    assert np.array_equal(THREE.evaluate(found.plans), found.objectives)
+    assert (THREE.robot_survival(found.plans) >= 0.5 * (1 - 1e-12)).all()
+    assert area_indicator(found.objectives, THREE) > 0.2
+
+
+def test_the_whole_front_of_small_missions():
+    """Of all plans of two robots: of each the objectives are the formulas'."""
+    trails = twins.all_trails(THREE)
+    plans = [THREE.pack([[one, other]])[0] for i, one in enumerate(trails) for other in trails[i:]]
+    best = area_indicator(THREE.evaluate(plans), THREE)
+    found = solve(THREE, evaluations=20_000, seed=1)
+    assert area_indicator(found.objectives, THREE) == pytest.approx(best, rel=1e-12)
+
+
+def test_who_cannot_honour_scenarios_refuses():
+    with pytest.raises((TypeError, ValueError), match="scenarios"):
+        exact_front(THREE)
+
+
+def test_what_robots_have_survived_says_which_scenario_is_true():
+    """By hand: robot 0 got over 1 -> 2 with 0.9, in a storm 0.9³, and not where it is shut."""
+    rest = THREE.after(PLAN, [Event("reached", 0, 2)])
+    weights = {"storm": 0.25 * 0.9**3, "rich": 0.2 * 0.9, "otherwise": 0.3 * 0.9}
+    total = sum(weights.values())
+    assert {s.name: s.probability for s in rest.scenarios} == pytest.approx(
+        {name: weight / total for name, weight in weights.items()}
+    )
+    # What is left is what each scenario's mission would leave.
+    [_, plan] = [PLAN, under_way(THREE, PLAN, [Event("reached", 0, 2)]).plan]
+    for scenario in rest.scenarios:
+        alone = under_way(THREE.in_scenario(scenario.name), PLAN, [Event("reached", 0, 2)])
+        found = rest.in_scenario(scenario.name).evaluate([plan])
+        assert found[0] == pytest.approx(alone.mission.evaluate([alone.plan])[0])
+    # Nobody knows where robot 1 was lost: the longer its way, the more dangerous it was.
+    lost = THREE.after(PLAN, [Event("lost", 1)])
+    chances = {
+        s.name: s.probability * (1 - one.robot_survival([PLAN])[0, 1])
+        for s, (_, one) in zip(THREE.scenarios, THREE.in_scenarios, strict=True)
+    }
+    total = sum(chances.values())
+    assert {s.name: s.probability for s in lost.scenarios} == pytest.approx(
+        {name: chance / total for name, chance in chances.items()}
+    )
+    sure = Mission(TOY.graph, scenarios=[Scenario("shut", 1.0, survival={(1, 2): 0.0})])
+    with pytest.raises(EventError, match="No scenario of mission 'toy' allows these events"):
+        sure.after(PLAN, [Event("reached", 0, 2)])
+    assert "storm 0.2" in str(replan(THREE, PLAN, [Event("reached", 0, 2)], price=1))
+
+
+def test_the_static_policy_plays_what_plans_are_worth():
+    found = simulate_policy(THREE, PLAN, "static", missions=4_000, seed=1, price=1)
+    expected = THREE.evaluate([PLAN])[0]
+    means = [found.table[name].mean() for name in ("reward", "survivors")]
+    assert means == pytest.approx(expected.tolist(), abs=0.12)
+
+
+@pytest.mark.compiled_only
+def test_no_plan_lies_above_the_bound():
+    trails = twins.all_trails(THREE)
+    plans = [THREE.pack([[one, other]])[0] for i, one in enumerate(trails) for other in trails[i:]]
+    objectives = THREE.evaluate(plans)
+    bound = bound_front(THREE, time_limit=4)
+    assert (objectives[:, 0] <= bound.bound(objectives[:, 1]) + 1e-9).all()
+    assert bound.area < 1.6 * area_indicator(objectives, THREE)
+
+
+def test_probabilities_of_robots_are_means_over_scenarios():
+    for chances in (reach_probabilities, collect_probabilities):
+        expected = sum(p * chances(one, PLAN) for p, one in THREE.in_scenarios)
+        assert chances(THREE, PLAN) == pytest.approx(expected)
+
+
+def test_simulation_draws_a_scenario_first():
+    table = simulate(THREE, PLAN, 20_000, random_state=1)
+    assert table[:1_000].equals(simulate(THREE, PLAN, 1_000, random_state=1))
+    shares = table["scenario"].value_counts(normalize=True)
+    for scenario in THREE.scenarios:
+        assert shares[scenario.name] == pytest.approx(scenario.probability, abs=0.015)
+        mean = THREE.in_scenario(scenario.name).evaluate([PLAN])[0]
+        own = table[table["scenario"] == scenario.name][["reward", "survivors"]].mean()
+        assert own.tolist() == pytest.approx(mean.tolist(), abs=0.15)
+
+
+def test_the_worst_case_is_one_set_of_robots_for_all_scenarios():
+    lost = [THREE.plan([[1], [1, 3, 1]]), THREE.plan([[1, 2, 4, 2, 1], [1]])]
+    expected = min(THREE.evaluate(lost)[:, 0])
+    assert worst_case(THREE, [PLAN])[0] == pytest.approx(expected)
+
+
+def test_robustness_changes_hazards_in_all_scenarios():
+    [row] = robustness(THREE, [PLAN], factors=[2.0]).to_dict("records")
+    doubled = [
+        Mission(_with_hazards(one.graph, 2.0)).evaluate([PLAN])[0] for _, one in THREE.in_scenarios
+    ]
+    expected = np.dot([p for p, _ in THREE.in_scenarios], doubled)
+    assert [row["reward_low"], row["survivors_low"]] == pytest.approx(expected.tolist())
+
+
+def _with_hazards(graph, factor):
+    graph = graph.copy()
+    for _, _, arc in graph.edges(data=True):
+        arc["survival"] = max(arc["survival"] ** factor, 5e-324)
+    return graph
+
+
+def test_kinds_meet_the_same_scenario():
+    graph = nx.DiGraph([(1, 2), (2, 1)], base=1)
+    nx.set_node_attributes(graph, {1: 0.0, 2: 4.0}, "reward")
+    nx.set_edge_attributes(graph, {"drone": 0.5, "rover": 0.9}, "survival")
+    wind = Scenario("wind", 0.5, survival={(1, 2): {"drone": 0.0, "rover": 0.9}})
+    kinds = [Kind("drone", 1), Kind("rover", 1)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mission = Mission(graph, kinds=kinds, scenarios=[wind])
+    plan = mission.plan([[1, 2, 1], [1, 2, 1]])
+    reward = 0.5 * 4 * 0.9 + 0.5 * 4 * (1 - 0.5 * 0.1)
+    assert mission.evaluate([plan])[0].tolist() == pytest.approx([reward, 0.5 * 0.25 + 0.81])
+    assert BOTOHE(mission).n_obj == 2
+
+
+def test_risk_is_the_mean_of_the_worst_scenarios():
+    problem = BOTOHE(THREE, risk=0.3)
+    rewards = sorted((one.evaluate([PLAN])[0, 0], p) for p, one in THREE.in_scenarios)
+    (first, p), (second, _), *_ = rewards
+    expected = (p * first + (0.3 - p) * second) / 0.3
+    found = -problem.evaluate_batch(THREE.batch([PLAN]))[0]
+    assert found[0] == pytest.approx(expected)
+    assert found[1] == THREE.evaluate([PLAN])[0, 1]
+    assert (problem.is_plain, problem.objectives.names[0]) == (False, "E[R] in the worst 30 %")
+    done = minimize(problem, make_algorithm("nsga2", pop_size=20), ("n_eval", 200), seed=1)
+    assert np.array_equal(done.F, problem.evaluate_batch(THREE.batch(done.X)))
+    with pytest.raises(TypeError, match="ParetoLocalSearch evaluates"):
+        minimize(problem, make_algorithm("pareto-local-search"), ("n_eval", 200), seed=1)
+    for risk, mission in ((0.0, THREE), (1.0, THREE), (0.3, TOY)):
+        with pytest.raises(ValueError, match="risk"):
+            BOTOHE(mission, risk=risk)
+
+
+def test_scenarios_of_named_missions_and_in_texts():
+    given = load_mission(
+        "toy", scenarios=["storm=0.25,factor=3", {"name": "x", "probability": 0.5}]
+    )
+    assert [(s.name, s.probability) for s in given.scenarios] == [
+        ("storm", 0.25),
+        ("x", 0.5),
+        ("otherwise", 0.25),
+    ]
+    with pytest.raises(MissionError, match="expected probability in"):
+        load_mission("toy", scenarios=["storm=much"])
