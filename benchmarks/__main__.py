@@ -33,6 +33,7 @@ FOLDERS = {
     "teams": "teams",
     "underway": "underway",
     "learning": "underway",
+    "scenarios": "scenarios",
     "start": "start",
     "pace": "start",
     "paper": "paper",
