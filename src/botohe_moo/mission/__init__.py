@@ -24,6 +24,6 @@ if TYPE_CHECKING:
     from botohe_moo.mission.rules import Kind as Kind
     from botohe_moo.mission.rules import MissionError as MissionError
     from botohe_moo.mission.rules import PlanError as PlanError
-    from botohe_moo.mission.rules import Scenario as Scenario
+    from botohe_moo.mission.scenarios import Scenario as Scenario
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

@@ -24,7 +24,13 @@ from botohe_moo.core import world as worlds
 from botohe_moo.core.world import PLANNING, Limits, World
 from botohe_moo.mission import rules
 from botohe_moo.mission.hazards import distance_of, places_of
-from botohe_moo.mission.rules import Kind, MissionError, PlanError, Scenario
+from botohe_moo.mission.rules import Kind, MissionError, PlanError
+from botohe_moo.mission.scenarios import (
+    Scenario,
+    check_scenarios,
+    read_scenarios,
+    survivals_in,
+)
 from botohe_moo.mission.underway import Event, under_way
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
 
@@ -144,7 +150,7 @@ class Mission:
         name = own.get("name") or own.get("title")
         source = f"Mission {quoted(name)}" if name else "The mission"
         if not (faults := faults or rules.graph_faults(graph, team, own)):
-            own["scenarios"], faults = rules.check_scenarios(own.get("scenarios"), graph, team)
+            own["scenarios"], faults = check_scenarios(own.get("scenarios"), graph, team)
         if not faults:
             team = team or (Kind(rules.ONLY_KIND, own["robots"]),)
             self._set_up(graph.copy(), team, own | {"name": str(name or "mission")})
@@ -262,7 +268,7 @@ class Mission:
         scenario, graph = self.scenarios[names.index(name)], self.graph.copy()
         graph.graph.pop("scenarios", None)
         for tail, head, of in graph.edges(data=True):
-            numbers = _survivals_in(scenario, graph, (tail, head), self.kinds)
+            numbers = survivals_in(scenario, graph, (tail, head), self.kinds)
             least = [max(n, math.ulp(0)) if m > 0.0 else 0.0 for n, m in numbers]
             by = dict(zip((kind.name for kind in self.kinds), least, strict=True))
             of["survival"] = by if len(by) > 1 or 0.0 in least else least[0]
@@ -313,7 +319,7 @@ class Mission:
         >>> [(scenario.name, scenario.probability) for scenario in mission.scenarios]
         [('storm', 0.25), ('otherwise', 0.75)]
         """
-        found = rules.read_scenarios(scenarios, lambda label: label)
+        found = read_scenarios(scenarios, lambda label: label)
         given = {"base": self.base, "pays": self.pays, "scenarios": found}
         return Mission(self.graph, kinds=self.kinds, name=self.name, **given)
 
@@ -724,36 +730,6 @@ def numbers_digest(mission: Mission, *labels: object) -> str:
     for values in mission.world.numbers(mission.is_plain):
         hashed.update(np.ascontiguousarray(values, f"<{values.dtype.kind}8").tobytes())
     return hashed.hexdigest()[:16]
-
-
-def _survivals_in(
-    scenario: Scenario, graph: Any, arc: tuple[Any, Any], kinds: Sequence[Kind]
-) -> list[tuple[float, float]]:
-    """Return the survival of an arc in a scenario for each kind, with that of the graph."""
-    given = rules.by_kind(graph.edges[arc]["survival"], kinds)
-    if arc in scenario.survival:
-        return list(zip(rules.by_kind(scenario.survival[arc], kinds), given, strict=True))
-    is_here = scenario.zone is None or scenario.zone in [graph.nodes[v].get("zone") for v in arc]
-    factor = float(scenario.factor) if is_here else 1.0
-    return [(n**factor if n > 0.0 else 0.0, n) for n in given]
-
-
-def _in_scenarios(
-    mission: Mission, arcs: Sequence[tuple[Any, Any]]
-) -> tuple[FloatArray, FloatArray]:
-    """Return survivals of arcs (n_scenarios, n_arcs, n_kinds) and rewards (n_scenarios, n_nodes).
-
-    An arc that the graph closes for a kind stays closed for it.
-    """
-    graph, kinds = mission.graph, mission.kinds
-    survival = np.zeros((len(mission.scenarios), len(arcs), len(kinds)))
-    reward = np.empty((len(mission.scenarios), len(mission.nodes)))
-    for s, scenario in enumerate(mission.scenarios):
-        for i, arc in enumerate(arcs):
-            numbers = _survivals_in(scenario, graph, arc, kinds)
-            survival[s, i] = [n if m > 0.0 else 0.0 for n, m in numbers]
-        reward[s] = [float(scenario.reward.get(v, of["reward"])) for v, of in graph.nodes.items()]
-    return survival, reward
 
 
 def _identity(mission: Mission) -> list[object]:

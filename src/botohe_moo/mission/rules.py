@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from itertools import chain
 from numbers import Integral
 from typing import Any
@@ -76,54 +75,6 @@ class Kind:
     def ends(self, base: Hashable) -> tuple[Hashable, Hashable]:
         """Return the labels where trails begin and end in a mission with this base."""
         return base if self.start is None else self.start, base if self.end is None else self.end
-
-
-OTHERWISE = "otherwise"  # the name of the scenario in which nothing else is so
-
-
-@dataclass(frozen=True)
-class Scenario:
-    """One of several worlds that may be the true one, and what is different in it.
-
-    Where it says nothing, the values of the graph hold.
-
-    Parameters
-    ----------
-    name
-        Its name.
-    probability
-        The probability that it is the true one, in (0, 1]. Where those of all scenarios sum to less
-        than 1, there is another, ``otherwise``, in which the values of the graph hold.
-    factor
-        What hazards, −log of survivals, are multiplied by, at least 0.
-    zone
-        The nodes' attribute ``zone``: ``factor`` holds for arcs that begin or end in this zone.
-        Default: for all arcs.
-    survival
-        Survivals in [0, 1] of some arcs, each by its tail and head: (tail, head) → a number, or a
-        mapping from kinds to numbers. 0 closes the arc. The factor does not count there.
-    reward
-        Rewards of some nodes, at least 0: node → number.
-
-    Examples
-    --------
-    >>> from botohe_moo import Mission, Scenario, load_mission
-    >>> toy = load_mission("toy")
-    >>> storm = Scenario("storm", probability=0.25, factor=3)
-    >>> mission = Mission(toy.graph, scenarios=[storm])
-    >>> [scenario.name for scenario in mission.scenarios]
-    ['storm', 'otherwise']
-    >>> plan = mission.plan([[1, 2, 4, 2, 1], [1]])
-    >>> mission.evaluate([plan]).round(2).tolist()
-    [[2.9, 1.56]]
-    """
-
-    name: str
-    probability: float
-    factor: float = 1.0
-    zone: str | None = None
-    survival: Mapping[tuple[Hashable, Hashable], Any] = field(default_factory=dict, hash=False)
-    reward: Mapping[Hashable, float] = field(default_factory=dict, hash=False)
 
 
 class MissionError(FaultsError):
@@ -209,106 +160,6 @@ def read_kinds(kinds: Any, read: _Read = dict) -> tuple[tuple[Kind, ...], list[s
     return tuple(found), faults or _kind_name_faults(found)
 
 
-def read_scenarios(scenarios: Any, find: Callable[[Any], Any]) -> Any:
-    """Return scenarios as a graph holds them, from mappings as files hold them, or from texts.
-
-    Those have lists in place of mappings from nodes and arcs: [tail, head, survival] and [node,
-    reward]. ``find`` returns the node of a label. A text is such as "storm=0.2,factor=8,zone=east".
-    What is not of this form stays as it is.
-    """
-    if not isinstance(scenarios, list | tuple):
-        return scenarios
-    found = []
-    for given in scenarios:
-        own = dict(given) if isinstance(given, Mapping) else given
-        if isinstance(own, str):
-            first, *others = (part.partition("=")[::2] for part in own.split(","))
-            own = {"name": first[0], "probability": first[1], **dict(others)}
-            for name in {"probability", "factor"} & own.keys():
-                with suppress(ValueError):
-                    own[name] = float(own[name])
-        for name, n_labels in (("survival", 2), ("reward", 1)):
-            rows = own.get(name) if isinstance(own, dict) else None
-            if isinstance(rows, list) and all(_is_list(r) and len(r) == n_labels + 1 for r in rows):
-                labels = [tuple(map(find, row[:-1])) for row in rows]
-                values = [row[-1] for row in rows]
-                keys = labels if n_labels > 1 else [label for (label,) in labels]
-                own[name] = dict(zip(keys, values, strict=True))
-        found.append(own)
-    return found
-
-
-def check_scenarios(
-    scenarios: Any, graph: nx.DiGraph[Any], kinds: Sequence[Kind]
-) -> tuple[tuple[Scenario, ...], list[str]]:
-    """Return all scenarios of a mission on a graph, and what is wrong with them.
-
-    There are none if ``scenarios`` is None or empty.
-    """
-    if scenarios is None:
-        return (), []
-    if isinstance(scenarios, str | Mapping) or not isinstance(scenarios, Iterable):
-        return (), [f"expected scenarios to be a list of scenarios, got {quoted(scenarios)}"]
-    found, faults, known = list[Scenario](), list[str](), [f.name for f in fields(Scenario)]
-    for i, scenario in enumerate(scenarios):
-        given = vars(scenario) if isinstance(scenario, Scenario) else scenario
-        if not isinstance(given, Mapping):
-            faults.append(f"scenarios[{i}]: expected a Scenario, or an object, got {quoted(given)}")
-        elif unknown := [str(name) for name in given if name not in known]:
-            near = most_alike(unknown[0], known)
-            faults.append(f"scenarios[{i}]: there is no {quoted(unknown[0])} of a scenario{near}")
-        else:
-            found.append(Scenario(**{"name": None, "probability": None, **given}))
-    if faults or not found:
-        return (), faults
-    for scenario in found:
-        wrong = _scenario_faults(scenario, graph, kinds or [Kind(ONLY_KIND, 1)])
-        faults += [f"scenario {quoted(scenario.name)}: {fault}" for fault in wrong]
-    names = [scenario.name for scenario in found]
-    twice = dict.fromkeys(name for i, name in enumerate(names) if name in names[:i])
-    faults += [f"scenario {quoted(name)}: there are two of this name" for name in twice]
-    if faults:
-        return (), faults
-    total = math.fsum(scenario.probability for scenario in found)
-    if total > 1.0 + _SUMS:
-        return (), [f"expected probabilities of scenarios that sum to at most 1, got {total:g}"]
-    if total < 1.0 - _SUMS:
-        if OTHERWISE in names:
-            fault = f"probabilities of scenarios sum to {total:g}, and one is called {OTHERWISE}"
-            return (), [f"expected 1: {fault}"]
-        found.append(Scenario(OTHERWISE, 1.0 - total))
-    return tuple(found), []
-
-
-def _scenario_faults(
-    scenario: Scenario, graph: nx.DiGraph[Any], kinds: Sequence[Kind]
-) -> Iterator[str]:
-    """List what is wrong with a scenario."""
-    if not _is_name(scenario.name):
-        yield "expected a printable name without : , = and blanks around it"
-    yield from _faults_of(vars(scenario), _OF_SCENARIOS)
-    zones = {of["zone"] for _, of in graph.nodes(data=True) if isinstance(of.get("zone"), str)}
-    if scenario.zone is not None and scenario.zone not in zones:
-        near = most_alike(str(scenario.zone), sorted(zones)) or "; no node has a zone"
-        yield f"zone {quoted(scenario.zone)}: no node has this zone{near}"
-    names = [kind.name for kind in kinds]
-    rules: Rules = {"survival": BY_KIND["survival"]}
-    for arc, value in scenario.survival.items() if _is_mapping(scenario.survival) else ():
-        if not (isinstance(arc, tuple) and len(arc) == 2 and graph.has_edge(*arc)):
-            yield f"survival of {quoted(arc)}: expected the tail and the head of an arc"
-        elif unknown := [str(k) for k in value if k not in names] if _is_mapping(value) else []:
-            yield f"{whose(*arc)}: survival of kind {quoted(unknown[0])}: no such kind"
-        else:
-            wrong = _faults_of({"survival": value}, rules, names)
-            yield from (f"{whose(*arc)}: {fault}" for fault in wrong)
-    for node, value in scenario.reward.items() if _is_mapping(scenario.reward) else ():
-        if node not in graph:
-            yield _no_such_node("reward", node, graph)
-        else:
-            wrong = _faults_of({"reward": value}, {"reward": _OF_NODES["reward"]})
-            yield from (f"{whose(node)}: {fault}" for fault in wrong)
-
-
 def by_kind(value: object, kinds: Sequence[Kind]) -> list[float]:
     """Return the number of an attribute for each kind; 1 for kinds that a mapping leaves out."""
     if isinstance(value, Mapping):
@@ -326,7 +177,7 @@ def read_label(value: object) -> Hashable:
     return value
 
 
-def _within(low: float, high: float = math.nextafter(math.inf, 0)) -> Callable[[Any], bool]:
+def within(low: float, high: float = math.nextafter(math.inf, 0)) -> Callable[[Any], bool]:
     """Return the test for a number in [low, high]; by default, for a finite one."""
     # Most values are floats; as_float takes longer.
     return lambda value: low <= (value if type(value) is float else as_float(value)) <= high
@@ -336,20 +187,20 @@ def _is_count(value: Any) -> bool:
     return isinstance(value, Integral) and as_float(value) >= 1
 
 
-def _is_list(value: Any) -> bool:
+def is_list(value: Any) -> bool:
     is_sequence = isinstance(value, Sequence) and not isinstance(value, str | bytes)
     return is_sequence or getattr(value, "ndim", 0) == 1  # an array
 
 
-def _is_mapping(value: Any) -> bool:
+def is_mapping(value: Any) -> bool:
     return isinstance(value, Mapping)
 
 
 def _is_place(value: Any) -> bool:
-    return _is_list(value) and len(value) == 2 and all(math.isfinite(as_float(x)) for x in value)
+    return is_list(value) and len(value) == 2 and all(math.isfinite(as_float(x)) for x in value)
 
 
-def _is_name(value: Any) -> bool:
+def is_name(value: Any) -> bool:
     is_plain = isinstance(value, str) and value.isprintable() and value == value.strip() != ""
     return is_plain and {*value}.isdisjoint(":,=")
 
@@ -358,9 +209,9 @@ def _is_name(value: Any) -> bool:
 # The default of an attribute that has to be given does not pass.
 Rule = tuple[str, Callable[[Any], bool], Any]
 Rules = Mapping[str, Rule]
-_MAX_LENGTH: Rule = ("a finite max_length >= 0", lambda v: v is None or _within(0)(v), None)
+_MAX_LENGTH: Rule = ("a finite max_length >= 0", lambda v: v is None or within(0)(v), None)
 _PAYS = ("pays to be 'arrival' or 'return'", lambda v: isinstance(v, str) and v in PAYS, PAYS[0])
-_SHARE: Rule = ("share in [0, 1]", _within(0, 1), 1.0)
+_SHARE: Rule = ("share in [0, 1]", within(0, 1), 1.0)
 _OF_MISSIONS: Rules = {
     "robots": ("robots to be an integer >= 1", lambda v: v is None or _is_count(v), None),
     "pays": _PAYS,
@@ -368,36 +219,28 @@ _OF_MISSIONS: Rules = {
 }
 _OF_KINDS: Rules = {
     "robots": ("robots to be an integer in [1, 1000000]", lambda v: _is_count(v) and v <= 1e6, 0),
-    "min_survival": ("min_survival in [0, 1]", _within(0, 1), 0.0),
+    "min_survival": ("min_survival in [0, 1]", within(0, 1), 0.0),
     "max_length": _MAX_LENGTH,
-    "aboard": ("aboard to be a list of nodes", _is_list, ()),
+    "aboard": ("aboard to be a list of nodes", is_list, ()),
 }
-_SUMS = 1e-9  # by how much the probabilities of scenarios may differ from 1
-_OF_SCENARIOS: Rules = {
-    "probability": ("probability in (0, 1]", _within(math.ulp(0), 1), None),
-    "factor": ("a finite factor >= 0", _within(0), 1.0),
-    "zone": ("zone to be a text", lambda v: v is None or isinstance(v, str), None),
-    "survival": ("survival to be a mapping from arcs to numbers", _is_mapping, {}),
-    "reward": ("reward to be a mapping from nodes to numbers", _is_mapping, {}),
-}
-_OF_NODES: Rules = {
-    "reward": ("a finite reward >= 0", _within(0), None),
+OF_NODES: Rules = {
+    "reward": ("a finite reward >= 0", within(0), None),
     "pos": ("pos [x, y], two finite numbers", lambda v: v is None or _is_place(v), None),
     "share": _SHARE,
     "pays": _PAYS,
     "depot": ("depot to be true or false", lambda v: isinstance(v, bool | np.bool_), False),
 }
 _OF_ARCS: Rules = {
-    "survival": ("survival in (0, 1]", _within(math.ulp(0), 1), None),
-    "length": ("a finite length >= 0", _within(0), 1.0),
+    "survival": ("survival in (0, 1]", within(math.ulp(0), 1), None),
+    "length": ("a finite length >= 0", within(0), 1.0),
 }
 # Attributes of nodes and arcs that plans depend on, or that pictures and files show.
-KNOWN = {*_OF_NODES, *_OF_ARCS, "zone", "label", "name", "id"}
+KNOWN = {*OF_NODES, *_OF_ARCS, "zone", "label", "name", "id"}
 # Attributes that may be mappings from kinds to numbers, and the rules of these numbers.
-BY_KIND: Rules = {"survival": ("survival in [0, 1]", _within(0, 1), None), "share": _SHARE}
+BY_KIND: Rules = {"survival": ("survival in [0, 1]", within(0, 1), None), "share": _SHARE}
 
 
-def _faults_of(given: Mapping[str, Any], rules: Rules, names: Sequence[str] = ()) -> Iterator[str]:
+def faults_of(given: Mapping[str, Any], rules: Rules, names: Sequence[str] = ()) -> Iterator[str]:
     """List what is wrong with attributes.
 
     Attributes in ``BY_KIND`` may be mappings from the names of kinds, if these are given.
@@ -410,7 +253,7 @@ def _faults_of(given: Mapping[str, Any], rules: Rules, names: Sequence[str] = ()
             asked = names if value.keys() <= {*names} else [kind for kind in names if kind in value]
             expected, *test = BY_KIND[name]
             of_kinds = {kind: (f"{expected} of kind {quoted(kind)}", *test) for kind in asked}
-            yield from _faults_of(value, of_kinds)
+            yield from faults_of(value, of_kinds)
         else:
             hint = "; write a number, such as 0.95" if isinstance(value, str) and holds(1) else ""
             found = "found none" if value is None else f"got {quoted(value)}{hint}"
@@ -437,10 +280,10 @@ def attribute_faults(graph: nx.DiGraph[Any], kinds: Sequence[Kind] = ()) -> list
     names = known or [ONLY_KIND]
     faults: list[str] = []
     unknown: dict[tuple[str, str], list[str]] = {}
-    nodes = (((node,), given, _OF_NODES) for node, given in graph.nodes(data=True))
+    nodes = (((node,), given, OF_NODES) for node, given in graph.nodes(data=True))
     arcs = (((tail, head), given, _OF_ARCS) for tail, head, given in graph.edges(data=True))
     for labels, given, rules in chain(nodes, arcs):
-        faults += [f"{whose(*labels)}: {fault}" for fault in _faults_of(given, rules, names)]
+        faults += [f"{whose(*labels)}: {fault}" for fault in faults_of(given, rules, names)]
         for name, value in given.items():
             if name not in rules and (attribute := attribute_of(str(name))):
                 expected = f"expected {attribute} to be a mapping from kinds to numbers"
@@ -460,7 +303,7 @@ def _kind_name_faults(kinds: Sequence[Kind]) -> list[str]:
     names = [kind.name for kind in kinds]
     expected = "a printable name without : , = and blanks around it"
     where = "for columns survival:NAME and --kind NAME=ROBOTS"
-    wrong = [f"{quoted(n)}: expected {expected}, {where}" for n in names if not _is_name(n)]
+    wrong = [f"{quoted(n)}: expected {expected}, {where}" for n in names if not is_name(n)]
     twice = dict.fromkeys(n for i, n in enumerate(names) if n in names[:i])
     rivals = [f"{quoted(name)}: there are two kinds of this name" for name in twice]
     return [f"kind {fault}" for fault in wrong or rivals]
@@ -470,17 +313,17 @@ def _label_faults(kind: Kind, graph: nx.DiGraph[Any], pays: object) -> Iterator[
     """List what is wrong with the nodes that a kind names."""
     for name, label in (("start", kind.start), ("end", kind.end)):
         if label is not None and label not in graph:
-            yield _no_such_node(name, label, graph)
-    aboard = list(kind.aboard) if _is_list(kind.aboard) else []
+            yield no_such_node(name, label, graph)
+    aboard = list(kind.aboard) if is_list(kind.aboard) else []
     for i, label in enumerate(aboard):
         node = graph.nodes[label] if label in graph else {}
         if label not in graph:
-            yield _no_such_node("aboard", label, graph)
+            yield no_such_node("aboard", label, graph)
         elif node.get("pays", pays) != "return" or node.get("depot") or label in aboard[:i]:
             yield f"aboard {quoted(label)}: expected a node that pays on return, listed once"
 
 
-def _no_such_node(name: str, label: Hashable, graph: nx.DiGraph[Any]) -> str:
+def no_such_node(name: str, label: Hashable, graph: nx.DiGraph[Any]) -> str:
     near = most_alike(str(label), map(str, graph))
     return f"{name} {quoted(label)}: no such node{near}"
 
@@ -497,9 +340,9 @@ def graph_faults(graph: Any, kinds: Sequence[Kind], given: Mapping[str, Any]) ->
         return [f"expected an nx.DiGraph, got {found}{remedy}"]
     base, robots, faults = given.get("base"), given.get("robots"), list[str]()
     for kind in kinds:
-        wrong = chain(_faults_of(vars(kind), _OF_KINDS), _label_faults(kind, graph, given["pays"]))
+        wrong = chain(faults_of(vars(kind), _OF_KINDS), _label_faults(kind, graph, given["pays"]))
         faults += [f"kind {quoted(kind.name)}: {fault}" for fault in wrong]
-    faults += _faults_of(given, _OF_MISSIONS)
+    faults += faults_of(given, _OF_MISSIONS)
     if not kinds and robots is None:
         faults.append("expected robots, an integer >= 1, found none: give robots")
     elif kinds and not faults and robots not in (None, n := sum(kind.robots for kind in kinds)):
@@ -511,7 +354,7 @@ def graph_faults(graph: Any, kinds: Sequence[Kind], given: Mapping[str, Any]) ->
     if base is None:
         faults.append("expected base, the label of a node, found none: give base")
     elif base not in graph:
-        faults.append(_no_such_node("base", base, graph))
+        faults.append(no_such_node("base", base, graph))
     elif not kinds or (len(kinds) == 1 and not faults and {*kinds[0].ends(base)} == {base}):
         faults += _way_faults(graph, base)
     return faults
@@ -528,7 +371,7 @@ def _way_faults(graph: nx.DiGraph[Any], base: Hashable) -> list[str]:
 
 def trail_indices(mission: Any, robot: int, trail: Sequence[Hashable]) -> list[int]:
     """Convert the node labels of a robot's trail in a `Mission` to indices."""
-    if not _is_list(trail) or len(trail) == 0:
+    if not is_list(trail) or len(trail) == 0:
         raise PlanError(f"Robot {robot}: expected a sequence of node labels, got {quoted(trail)}.")
     indices: list[int] = []
     for label in trail:

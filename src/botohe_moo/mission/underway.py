@@ -12,7 +12,8 @@ import networkx as nx
 
 from botohe_moo.base.messages import quoted
 from botohe_moo.core.world import CHECKING, Limits
-from botohe_moo.mission.rules import Kind, MissionError, Scenario, by_kind
+from botohe_moo.mission.rules import Kind, MissionError, by_kind
+from botohe_moo.mission.scenarios import Scenario
 from botohe_moo.trails import TrailPlan
 
 _STATES = {"reached": "out", "lost": "lost", "home": "home"}  # of a robot after each event

@@ -27,10 +27,10 @@ from botohe_moo.mission.rules import (
     ONLY_KIND,
     Kind,
     MissionError,
-    Scenario,
     read_label,
     whose,
 )
+from botohe_moo.mission.scenarios import Scenario
 
 as_json = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
 

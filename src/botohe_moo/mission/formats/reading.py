@@ -27,6 +27,7 @@ from botohe_moo.mission import hazards, rules
 from botohe_moo.mission.hazards import Raster, Zone
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import Kind, MissionError
+from botohe_moo.mission.scenarios import read_scenarios
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -328,7 +329,7 @@ class _Site:
         if faults := faults or _join_columns(self.nodes, names) or _join_columns(self.arcs, names):
             raise MissionError([*self.faults, *faults])
         self.graph |= {"kinds": self.kinds} if self.kinds else {}
-        if scenarios := rules.read_scenarios(self.graph.get("scenarios"), find):
+        if scenarios := read_scenarios(self.graph.get("scenarios"), find):
             self.graph["scenarios"] = scenarios
         self.places = hazards.places_of(self.at)
 
