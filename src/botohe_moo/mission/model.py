@@ -28,6 +28,7 @@ from botohe_moo.mission.rules import Kind, MissionError, PlanError
 from botohe_moo.mission.scenarios import (
     Scenario,
     check_scenarios,
+    in_scenarios,
     read_scenarios,
     survivals_in,
 )
@@ -200,7 +201,7 @@ class Mission:
         if self.scenarios:
             probability = np.array([scenario.probability for scenario in self.scenarios])
             probability /= probability.sum()
-            survival, worth = _in_scenarios(
+            survival, worth = in_scenarios(
                 self, [(self.nodes[u], self.nodes[v]) for u, v, _ in arcs]
             )
             reward = np.where((worth == reward).all(axis=0), reward, probability @ worth)

@@ -188,11 +188,13 @@ def _is_count(value: Any) -> bool:
 
 
 def is_list(value: Any) -> bool:
+    """Return whether a value is a list, a tuple or an array of one dimension."""
     is_sequence = isinstance(value, Sequence) and not isinstance(value, str | bytes)
     return is_sequence or getattr(value, "ndim", 0) == 1  # an array
 
 
 def is_mapping(value: Any) -> bool:
+    """Return whether a value is a mapping."""
     return isinstance(value, Mapping)
 
 
@@ -201,6 +203,7 @@ def _is_place(value: Any) -> bool:
 
 
 def is_name(value: Any) -> bool:
+    """Return whether a kind or a scenario may have this name."""
     is_plain = isinstance(value, str) and value.isprintable() and value == value.strip() != ""
     return is_plain and {*value}.isdisjoint(":,=")
 
@@ -324,6 +327,7 @@ def _label_faults(kind: Kind, graph: nx.DiGraph[Any], pays: object) -> Iterator[
 
 
 def no_such_node(name: str, label: Hashable, graph: nx.DiGraph[Any]) -> str:
+    """Describe the fault of an attribute that names an unknown node."""
     near = most_alike(str(label), map(str, graph))
     return f"{name} {quoted(label)}: no such node{near}"
 
