@@ -13,7 +13,7 @@ import numpy as np
 from botohe_moo.base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.bounds.kernels.states import NEVER, NONE, ROUNDING, Memory, Net, Pieces
 from botohe_moo.core.paths import find_near
-from botohe_moo.core.world import Graph, World, cheapest_ways, new_limits, new_world
+from botohe_moo.core.world import Chances, Graph, World, cheapest_ways, new_limits, new_world
 
 MOST_SLOPES = 16  # of the hull of a piece's excursions
 _MOST_JOINED = 12  # nodes on the way to the largest piece that are taken into it
@@ -146,7 +146,8 @@ def _rebuilt(
     own = reward.copy()
     graph, team = world.graph, world.team._replace(reward=own, worth=own)
     tail, head = (graph.head, graph.tail) if is_reversed else (graph.tail, graph.head)
-    of_arcs = tail[arcs], head[arcs], graph.probability, graph.survival[:, arcs], graph.length[arcs]
+    chances = Chances(graph.probability, graph.survival[:, arcs])
+    of_arcs = tail[arcs], head[arcs], chances, graph.length[arcs]
     limits = new_limits([0.0], [math.inf], [world.n_robots])
     return new_world(*of_arcs, team.reward, team, limits, None)
 

@@ -218,11 +218,17 @@ class World(NamedTuple):
         return read_only, tuple(self)  # numpy unpickles arrays as writable ones
 
 
+class Chances(NamedTuple):
+    """The probability of each scenario, and survivals in it, as ``Graph`` has them."""
+
+    probability: FloatArray
+    survival: FloatArray
+
+
 def new_world(
     tail: OffsetArray,
     head: OffsetArray,
-    probability: FloatArray,
-    survival: FloatArray,
+    chances: Chances,
     length: FloatArray,
     reward: FloatArray,
     team: Team,
@@ -231,8 +237,9 @@ def new_world(
 ) -> World:
     """Prepare a valid mission; its arcs are sorted by tail, then by head.
 
-    ``probability``, ``survival`` and ``reward`` are as ``Graph`` has them.
+    ``length`` and ``reward`` are as ``Graph`` has them.
     """
+    probability, survival = chances
     n_nodes, n_arcs = len(reward), len(head)
     leaving = np.bincount(tail, minlength=n_nodes)
     n_entering = np.bincount(head, minlength=n_nodes)

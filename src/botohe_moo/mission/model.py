@@ -243,7 +243,7 @@ class Mission:
             first, credit = np.cumsum([0, *map(len, aboard)]), np.tile(credit, len(kinds))
             returns = worlds.Returns(credit, carried, first[kind_of], first[kind_of + 1])
         expected = (reward[:, None] * share).T.ravel()
-        given = probability, survivals, length[arc], expected
+        given = worlds.Chances(probability, survivals), length[arc], expected
         return worlds.new_world(*of_arcs, *given, team, self.limits(), returns)
 
     def in_scenario(self, name: str) -> Mission:
