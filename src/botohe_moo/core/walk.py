@@ -144,15 +144,15 @@ def walk(
     survival = length = 0.0
     n, n_scenarios = 0, graph.probability.shape[0]
     for scenario in range(n_scenarios):
-        survivals, alive, length, first = graph.survival[scenario], 1.0, 0.0, n
+        survivals, alive, length = graph.survival[scenario], 1.0, 0.0
         n = _begin(graph, team, returns, robot, scenario, n, visits)
         for i in range(n_arcs):
             arc = arcs[i]
             alive *= survivals[arc]
             length += graph.length[arc]
-            n = _visit(graph, team, returns, graph.head[arc], alive, scenario, first, n, visits)
+            n = _visit(graph, team, returns, graph.head[arc], alive, scenario, n, visits)
         # What the robot still carries is never credited.
-        _credit_carried(team, returns, visits, team.start[robot], first, n, 0.0)
+        _credit_carried(team, returns, visits, team.start[robot], n, 0.0)
         survival += graph.probability[scenario] * alive
     return n, survival, length
 
@@ -169,7 +169,7 @@ def _begin(
 ) -> int:
     """List what a robot carries from the start, and its visit there; return how many these are."""
     visits.n_walks[0] += 1
-    first_visit, source = n, team.start[robot]
+    source = team.start[robot]
     first, stop = worlds.aboard_of(returns, robot)
     for i in range(first, stop):
         node = worlds.aboard_at(returns, worlds.layer_of(team, source), i)
@@ -177,7 +177,7 @@ def _begin(
         visits.node[n] = scenario * graph.reward.shape[0] + team.origin[node]
         visits.chance[n] = CARRIED
         n += 1
-    return _visit(graph, team, returns, source, 1.0, scenario, first_visit, n, visits)
+    return _visit(graph, team, returns, source, 1.0, scenario, n, visits)
 
 
 @inlined
@@ -188,13 +188,12 @@ def _visit(
     node: int,
     alive: float,
     scenario: int,
-    first: int,
     n: int,
     visits: Visits,
 ) -> int:
     """Note that a robot gets to a node, with probability ``alive``, after ``n`` visits.
 
-    Those of this scenario begin with ``first``. Returns how many visits there are then.
+    Returns how many visits there are then.
     """
     if visits.seen[node] != visits.n_walks[0]:
         visits.seen[node] = visits.n_walks[0]
@@ -205,7 +204,7 @@ def _visit(
                 visits.chance[n] = CARRIED
             n += 1
     if worlds.credit_of(returns, node) == worlds.AT_THIS_DEPOT:
-        _credit_carried(team, returns, visits, node, first, n, alive)
+        _credit_carried(team, returns, visits, node, n, alive)
     return n
 
 
@@ -215,14 +214,13 @@ def _credit_carried(
     returns: Returns | None,
     visits: Visits,
     node: int,
-    first: int,
     n: int,
     alive: float,
 ) -> None:
-    """Credit what is carried of the visits ``first`` to ``n`` at a depot."""
+    """Credit what is carried of ``n`` visits at a depot; of scenarios before, nothing is."""
     if returns is None:
         return
     layer, n_nodes = worlds.layer_of(team, node), team.origin.shape[0]
-    for i in range(first, n):
+    for i in range(n):
         if visits.chance[i] == CARRIED:
             visits.chance[i] = alive * team.share[layer + visits.node[i] % n_nodes]
