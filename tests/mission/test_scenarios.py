@@ -257,9 +257,9 @@ def test_what_robots_have_survived_says_which_scenario_is_true():
     assert {s.name: s.probability for s in lost.scenarios} == pytest.approx(
         {name: chance / total for name, chance in chances.items()}
     )
-    sure = Mission(TOY.graph, scenarios=[Scenario("shut", 1.0, survival={(1, 2): 0.0})])
+    sure = Mission(TOY.graph, scenarios=[Scenario("sure", 1.0, survival={(1, 2): 1.0})])
     with pytest.raises(EventError, match="No scenario of mission 'toy' allows these events"):
-        sure.after(PLAN, [Event("reached", 0, 2)])
+        sure.after(PLAN, [Event("lost", 0, 2)])
     assert "storm 0.2" in str(replan(THREE, PLAN, [Event("reached", 0, 2)], price=1))
 
 
