@@ -271,8 +271,8 @@ def nav2_files(mission: Mission, plan: TrailPlan) -> dict[str, str]:
     survival = dict(zip(ends, graph.survival.T, strict=True))  # in each scenario
     for robot, (nodes, trail) in enumerate(zip(mission.labels(plan), plan.trails, strict=True)):
         start, *stops = _stops(mission, nodes)
-        on_arcs = np.array([survival[arc] for arc in pairwise(trail)]).reshape(len(stops), -1)
-        alive = on_arcs.cumprod(axis=0) @ graph.probability if stops else np.empty(0)
+        on_arcs = np.array([survival[arc] for arc in pairwise(trail)])
+        alive = on_arcs.reshape(-1, graph.n_scenarios).cumprod(axis=0) @ graph.probability
         ways = zip(pairwise(map(id_of.get, nodes)), alive.tolist(), stops, strict=True)
         legs = [
             {"edge": edges[ends], "start": ends[0], "goal": ends[1], "survival": chance, **stop}
