@@ -181,7 +181,7 @@ def test_broken_ones_are_left_out_with_a_warning(shore, tmp_path):
 
 def test_a_check_names_all_parameters_at_once_and_makes_nothing(shore):
     (misspelt, said), given = mission_faults("reef", {"widht": 1, "width": 2.5, "robots": 2})
-    known = "width, danger, robots, lengths_from_pos"
+    known = "width, danger, robots, scenarios, lengths_from_pos"
     assert (misspelt, said) == ("widht", f"there is no parameter 'widht'; known are {known}.")
     assert given == ("width", "Expected width to be an integer >= 1, got 2.5.")
     assert shore().called == []
