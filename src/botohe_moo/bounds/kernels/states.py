@@ -6,11 +6,11 @@ piece has states of its own, and a link for each excursion that begins in it, wh
 the gate. So nothing beyond a bridge has to be remembered on this side of it, or the other way
 round.
 
-Inside a piece, a relaxed trail may collect a node's reward, take an arc, or make an excursion, more
-than once where it has forgotten that it did. A memory is a mask of bits. At each node some visits
-and arcs can be remembered; what the next node cannot remember is forgotten on the way there. These
-are ng-routes: Baldacci, Mingozzi and Roberti, "New route relaxation and pricing strategies for the
-vehicle routing problem", Operations Research 59(5), 2011.
+Inside a piece, a relaxed trail may take an arc any number of times, and collect a node's reward or
+make an excursion more than once where it has forgotten that it did. A memory is a mask of bits. At
+each node some rewards and excursions can be remembered; what the next node cannot remember is
+forgotten on the way there. These are ng-routes: Baldacci, Mingozzi and Roberti, "New route
+relaxation and pricing strategies for the vehicle routing problem", Operations Research 59(5), 2011.
 """
 
 from typing import NamedTuple
@@ -93,7 +93,8 @@ class Memory(NamedTuple):
     # The bit at the arc's tail with which its head pays nothing: ``NONE`` where it always pays,
     # ``NEVER`` where it never does (n_arcs).
     unpaid: OffsetArray
-    barred: OffsetArray  # the bit at the arc's tail with which it is barred, or ``NONE`` (n_arcs)
+    # The bit at the arc's tail with which its excursion is barred, or ``NONE`` (n_arcs).
+    barred: OffsetArray
 
 
 class States(NamedTuple):
