@@ -278,7 +278,7 @@ def outcome_of(pool, task):
 
 
 CHANGING = """if True:
-    rewards = self.problem.mission.rewards
+    rewards = self.problem.mission.world.team.worth
     rewards.setflags(write=True)
     rewards *= 10
     rewards.setflags(write=False)  # or kernels would be compiled for another type

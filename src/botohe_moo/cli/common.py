@@ -191,8 +191,8 @@ def mission_options(
         A parameter of the mission, such as nodes=500. All mission files take reward=2 and
         both_ways=true. Repeatable.
     """
-    own = {"robots": robots, "base": base, "danger": danger, "hazard": hazard and str(hazard)}
-    own |= {"scenarios": scenario or None}
+    own: dict[str, Any] = {"robots": robots, "base": base, "danger": danger}
+    own |= {"hazard": hazard and str(hazard), "scenarios": scenario or None}
     return with_options(read_parameters(mission_parameter), **own)
 
 

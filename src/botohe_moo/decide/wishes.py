@@ -14,6 +14,7 @@ from botohe_moo import outcomes as o
 from botohe_moo.base import messages as checks
 from botohe_moo.base import parameters as p
 from botohe_moo.base.messages import quoted
+from botohe_moo.base.types import FloatArray
 from botohe_moo.decide.fronts import SLACK
 from botohe_moo.decide.hazards import worst_loss
 from botohe_moo.mission.formats.graphs import plain_label
@@ -38,6 +39,7 @@ _PATTERNS = {
     "every robot": r"every robot",
     "reach": rf"reach (?P<node>{_QUOTED}|\S.*?)",
     "worst case": r"worst case of (?P<losses>\d+) loss(?:es)?",
+    "worst scenario": rf"worst scenario {_SUBJECT}",
     "chance": rf"P_\(_{_SUBJECT}_>=_(?P<value>{_NUMBER})_\)",
     "tail mean": rf"CVaR_\(_{_SUBJECT}_,_(?P<alpha>{_NUMBER})_\)",
     "expected": rf"(?:expected )?{_SUBJECT}",
@@ -47,6 +49,7 @@ _TEXTS = {
     "chance": "P({subject} >= {value}) >= {at_least}",
     "tail mean": "CVaR({subject}, {alpha}) >= {at_least}",
     "worst case": "worst case of {losses} >= {at_least}",
+    "worst scenario": "worst scenario {subject} >= {at_least}",
     "every robot": "every robot >= {at_least}",
     "reach": "reach {node} >= {at_least}",
 }
@@ -81,12 +84,12 @@ class Wish:
     Parameters
     ----------
     form
-        ``"expected"``, ``"chance"``, ``"tail mean"``, ``"worst case"``, ``"every robot"`` or
-        ``"reach"``: see :func:`parse_wishes`.
+        ``"expected"``, ``"chance"``, ``"tail mean"``, ``"worst case"``, ``"worst scenario"``,
+        ``"every robot"`` or ``"reach"``: see :func:`parse_wishes`.
     at_least
         The least value that meets the wish, at least 0; a probability is in [0, 1].
     quantity
-        ``"reward"`` or ``"survivors"``, of the first three forms.
+        ``"reward"`` or ``"survivors"``, of the first three forms and a ``"worst scenario"``.
     kind
         The kind of robots whose survivors count, by its name; default: all.
     value
@@ -140,7 +143,7 @@ def label_text(label: Hashable) -> str:
 def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, ...]:
     """Read wishes as planners write them.
 
-    There are six forms, in upper or lower case, ``≥`` for ``>=`` if preferred, where ``Q`` is
+    There are seven forms, in upper or lower case, ``≥`` for ``>=`` if preferred, where ``Q`` is
     ``reward``, ``survivors``, or ``KIND survivors`` with the name of a kind of robots; ``and``
     joins several::
 
@@ -148,6 +151,7 @@ def parse_wishes(mission: Mission, wishes: Iterable[str | Wish]) -> tuple[Wish, 
         P(Q >= x) >= p         chance: probability that it is x or more
         CVaR(Q, a) >= x        tail mean: mean of the lowest share a of the outcomes
         worst case of n losses >= x    expected reward if the worst n robots never leave
+        worst scenario Q >= x          what is expected in the scenario in which that is least
         every robot >= p       survival of each robot
         reach NODE >= p        probability that a robot reaches the node
 
@@ -253,7 +257,8 @@ def _unknown(mission: Mission, what: str, label: object, known: Iterable[object]
 def _not_a_wish(found: object) -> ValueError:
     return ValueError(
         f"Expected a wish, got {quoted(found)}. Wishes are {'; '.join(FORMS)}; the first three "
-        "may have survivors, or survivors of a kind, in place of reward. Join several by ' and '. "
+        "and worst scenario may have survivors, or survivors of a kind, in place of reward. Join "
+        "several by ' and '. "
         "Write 80 % as 0.8."
     )
 
@@ -278,11 +283,12 @@ class Candidates:
         """Compute the value of plan ``i`` that a wish limits."""
         mission, plan = self.mission, self.plans[i]
         match wish.form:
-            case "expected" if wish.kind is None:
-                return float(self.objectives[i, QUANTITIES.index(wish.quantity)])
             case "expected":
-                counts = [of.name == wish.kind for of in mission.kind_of]
-                return float(self._survival[i, counts].sum())
+                return self._expected(wish, self.objectives[i], self._survival[i])
+            case "worst scenario":
+                cases = [one for _, one in mission.in_scenarios]
+                found = ((one.evaluate([plan])[0], one.robot_survival([plan])[0]) for one in cases)
+                return min(self._expected(wish, *each) for each in found)
             case "chance":
                 return self.distribution(wish.quantity, i, wish.kind).at_least(float(wish.value))
             case "tail mean":
@@ -293,6 +299,12 @@ class Candidates:
                 return float(self._survival[i].min())
         reached = o.team_chances(o.reach_probabilities, mission, plan)
         return float(reached[mission.index(wish.node)])
+
+    def _expected(self, wish: Wish, objectives: FloatArray, survival: FloatArray) -> float:
+        """Return what is expected, given a plan's objectives and the survival of each robot."""
+        if wish.kind is None:
+            return float(objectives[QUANTITIES.index(wish.quantity)])
+        return float(survival[[of.name == wish.kind for of in self.mission.kind_of]].sum())
 
     def missing(self, wish: Wish, i: int) -> float:
         """Compute the shortfall of plan ``i``; 0 if it meets the wish."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import hashlib
 import json
 import math
@@ -243,8 +242,9 @@ class Mission:
             first, credit = np.cumsum([0, *map(len, aboard)]), np.tile(credit, len(kinds))
             returns = worlds.Returns(credit, carried, first[kind_of], first[kind_of + 1])
         expected = (reward[:, None] * share).T.ravel()
-        given = worlds.Chances(probability, survivals), length[arc], expected
-        return worlds.new_world(*of_arcs, *given, team, self.limits(), returns)
+        chances = worlds.Chances(probability, survivals)
+        limits = self.limits()
+        return worlds.new_world(*of_arcs, chances, length[arc], expected, team, limits, returns)
 
     def in_scenario(self, name: str) -> Mission:
         """Return the mission as it is in one scenario, without others; plans stay the same.
@@ -303,10 +303,7 @@ class Mission:
             fault = f"it has {self.team}: expected no number of robots, got {quoted(robots)}"
             raise MissionError(fault, f"Mission {quoted(self.name)}")
         kinds = (replace(self.kinds[0], robots=check("robots", robots, int, ge=1)),)
-        other = copy.copy(self)
-        other.robots, other.kinds = kinds[0].robots, kinds
-        other.world = other._new_world()
-        return other
+        return self._derive(self.graph, kinds, self.scenarios)
 
     def with_scenarios(self, scenarios: Any) -> Mission:
         """Return the same mission with other scenarios, each a `Scenario`, a mapping, or a text.

@@ -66,7 +66,7 @@ class Scenario:
     ['storm', 'otherwise']
     >>> plan = mission.plan([[1, 2, 4, 2, 1], [1]])
     >>> mission.evaluate([plan]).round(2).tolist()
-    [[2.9, 1.56]]
+    [[2.96, 1.56]]
     """
 
     name: str

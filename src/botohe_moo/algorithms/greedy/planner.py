@@ -229,5 +229,5 @@ def _mean(world: World, unreached: FloatArray) -> FloatArray:
     n_nodes = len(team.reward)
     if shape[0] == 1:
         return unreached[:n_nodes]
-    left = (team.worth * unreached).reshape(shape).sum(axis=0)[:n_nodes]
+    left: FloatArray = (team.worth * unreached).reshape(shape).sum(axis=0)[:n_nodes]
     return left / np.where(team.reward > 0.0, team.reward, 1.0)

@@ -406,10 +406,9 @@ def new_workspace(
 def _rewards_alone(world: World) -> FloatArray:
     """Return what nodes are worth to a robot that is alone, as ``Workspace.alone`` has it."""
     team, n_nodes, n_scenarios = world.team, world.graph.n_nodes, world.graph.n_scenarios
-    by_scenario = team.worth.reshape(n_scenarios, n_nodes)[:, team.origin] * team.share
-    if n_scenarios == 1:
-        return by_scenario[0]
-    return np.append(by_scenario, by_scenario.sum(axis=0))
+    worth: FloatArray = team.worth.reshape(n_scenarios, n_nodes)
+    by_scenario: FloatArray = worth[:, team.origin] * team.share
+    return by_scenario[0] if n_scenarios == 1 else np.append(by_scenario, by_scenario.sum(axis=0))
 
 
 def new_store(n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:
