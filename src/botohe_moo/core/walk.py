@@ -124,7 +124,7 @@ def new_visits(n_nodes: int, n_scenarios: int) -> Visits:
     )
 
 
-@helper
+@inlined
 def walk(
     graph: Graph,
     team: Team,
@@ -141,24 +141,45 @@ def walk(
     none. Returns how many visits there are in all scenarios, and the survival, over all scenarios,
     and the length of the trail.
     """
-    survival = length = 0.0
-    n, n_scenarios = 0, graph.probability.shape[0]
-    for scenario in range(n_scenarios):
-        survivals, alive, length = graph.survival[scenario], 1.0, 0.0
-        n = _begin(graph, team, returns, robot, scenario, n, visits)
-        for i in range(n_arcs):
-            arc = arcs[i]
-            alive *= survivals[arc]
-            length += graph.length[arc]
-            n = _visit(graph, team, returns, graph.head[arc], alive, scenario, n, visits)
-        # What the robot still carries is never credited.
-        _credit_carried(team, returns, visits, team.start[robot], n, 0.0)
-        survival += graph.probability[scenario] * alive
+    length = 0.0
+    for i in range(n_arcs):
+        length += graph.length[arcs[i]]
+    n, survival = walk_on(graph, team, returns, arcs, n_arcs, robot, 0, 0, visits)
     return n, survival, length
 
 
+@helper
+def walk_on(
+    graph: Graph,
+    team: Team,
+    returns: Returns | None,
+    arcs: IntArray | OffsetArray,
+    n_arcs: int,
+    robot: int,
+    first: int,
+    n: int,
+    visits: Visits,
+) -> tuple[int, float]:
+    """List what a robot visits in scenarios from ``first`` on, after ``n`` visits, as ``walk``.
+
+    Returns how many visits there are then, and the survival in these scenarios, each weighted by
+    its probability.
+    """
+    survival = 0.0
+    for scenario in range(first, graph.probability.shape[0]):
+        survivals, alive = graph.survival[scenario], 1.0
+        n = begin_walk(graph, team, returns, robot, scenario, n, visits)
+        for i in range(n_arcs):
+            arc = arcs[i]
+            alive *= survivals[arc]
+            n = visit(graph, team, returns, graph.head[arc], alive, scenario, n, visits)
+        end_walk(team, returns, robot, n, visits)
+        survival += graph.probability[scenario] * alive
+    return n, survival
+
+
 @inlined
-def _begin(
+def begin_walk(
     graph: Graph,
     team: Team,
     returns: Returns | None,
@@ -177,11 +198,11 @@ def _begin(
         visits.node[n] = scenario * graph.reward.shape[0] + team.origin[node]
         visits.chance[n] = CARRIED
         n += 1
-    return _visit(graph, team, returns, source, 1.0, scenario, n, visits)
+    return visit(graph, team, returns, source, 1.0, scenario, n, visits)
 
 
 @inlined
-def _visit(
+def visit(
     graph: Graph,
     team: Team,
     returns: Returns | None,
@@ -206,6 +227,12 @@ def _visit(
     if worlds.credit_of(returns, node) == worlds.AT_THIS_DEPOT:
         _credit_carried(team, returns, visits, node, n, alive)
     return n
+
+
+@inlined
+def end_walk(team: Team, returns: Returns | None, robot: int, n: int, visits: Visits) -> None:
+    """Note that what a robot still carries at the end, or where it is lost, is never credited."""
+    _credit_carried(team, returns, visits, team.start[robot], n, 0.0)
 
 
 @helper

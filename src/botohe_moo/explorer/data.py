@@ -251,6 +251,11 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
         "Median reward": lambda reward: reward.quantile(0.5),
         "Mean of the lowest tenth of rewards": lambda reward: reward.cvar(0.1),
     }
+    found = {name: [fact(reward) for reward in rewards] for name, fact in facts.items()}
+    for scenario in mission.scenarios:
+        values = mission.in_scenario(scenario.name).evaluate(plans).T.tolist()
+        for what, column in zip(("reward", "survivors"), values, strict=True):
+            found[f"Expected {what} in scenario {scenario.name}"] = column
     return {
         "objectives": objectives.tolist(),
         "objective_texts": written,
@@ -262,10 +267,7 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
         ],
         "rewards_in": [bin_codes(found, edges) for found in rewards],
         "bins": [f"{low:g} to {high:g}" for low, high in pairwise(edges.tolist())],
-        "facts": {
-            name: [f"{fact(found):.{decimals}f}" for found in rewards]
-            for name, fact in facts.items()
-        },
+        "facts": {name: [f"{of:.{decimals}f}" for of in column] for name, column in found.items()},
         "simulated": [not found.exact for found in rewards],
         "n_samples": f"{N_SAMPLES:,}",
     }
@@ -307,7 +309,10 @@ def site_data(mission: Mission) -> dict[str, Any]:
         "arcs": [site.tail.tolist(), site.head.tolist(), probability_codes(site.safest)],
         # For what is drawn along trails; each is exact to what a picture can show.
         "arc_lengths": np.round(site.length, 7).tolist(),
-        "arc_survival": np.round(site.survival, 7).tolist(),
+        "scenarios": [(of.name, of.probability) for of in mission.scenarios] or [("", 1.0)],
+        "arc_survival": [  # in each scenario, of each kind
+            np.round(maps.Site(one).survival, 7).tolist() for _, one in mission.in_scenarios
+        ],
         **_kinds(mission, site),
     }
 

@@ -2,6 +2,7 @@
 
 const LITTLE = 1001, NEARLY = 1002; // codes of probabilities that would round to 0 and to 1
 let data = null; // set once, by main.js
+let scenario = null; // the one that trails and the map are shown in; null for the mean over all
 
 async function unpack(text) {
   const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
@@ -37,20 +38,25 @@ const robotText = (robot) => (data.kinds.length ? robotName(robot) : `robot ${ro
 const lengthOf = (value) => value.toFixed(data.trail_length_texts[0].split(".")[1]?.length ?? 0);
 const whereStays = (trail) => (trail[0] === data.base ? "base" : isolated(data.names[trail[0]]));
 
+/** How likely an arc is survived by the kind that it is safest for. */
+const arcCodes = () => (scenario === null ? data.arcs[2]
+  : data.arcs[0].map((_, arc) => codeOf(d3.max(data.arc_survival[scenario], (kind) => kind[arc]))));
+
 /** How far a robot has come at each node of its trail, and how likely it is alive there. */
 function journeyOf(plan, robot) {
   const [tails, heads] = data.arcs;
   const key = (tail, head) => tail * data.names.length + head;
   journeyOf.arcs ??= new Map(tails.map((tail, arc) => [key(tail, heads[arc]), arc]));
-  const alive = data.arc_survival[data.kind_of[robot] ?? 0];
-  let [length, survival] = [0, 1];
+  const kind = data.kind_of[robot] ?? 0;
+  const alive = data.scenarios.map(([, chance], i) => (scenario === null ? chance : Number(i === scenario)));
+  let length = 0;
   return trailsOf(plan)[robot].map((node, i, trail) => {
     if (i > 0) {
       const arc = journeyOf.arcs.get(key(trail[i - 1], node));
       length += data.arc_lengths[arc];
-      survival *= alive[arc];
+      alive.forEach((_, i) => { alive[i] *= data.arc_survival[i][kind][arc]; });
     }
-    return { node, length, survival, isFirst: trail.indexOf(node) === i };
+    return { node, length, survival: d3.sum(alive), isFirst: trail.indexOf(node) === i };
   });
 }
 
@@ -62,6 +68,19 @@ function reachOf(plan, as = "reached") {
     known.set(plan, new Map(nodes.map((node, i) => [node, data[as][plan][i]])));
   }
   return known.get(plan);
+}
+
+/** How likely a robot survives its trail. */
+const survivalCode = (plan, robot) => (scenario === null ? data.trail_codes[data.plans[plan][robot]]
+  : codeOf(journeyOf(plan, robot).at(-1).survival));
+
+/** Codes of the probabilities that nodes are reached, in the scenario that is shown. */
+function reachShown(plan) {
+  if (scenario === null) return reachOf(plan);
+  const lost = new Map();
+  trailsOf(plan).forEach((_, robot) => journeyOf(plan, robot).filter((visit) => visit.isFirst)
+    .forEach(({ node, survival }) => lost.set(node, (lost.get(node) ?? 1) * (1 - survival))));
+  return new Map([...lost].map(([node, all]) => [node, codeOf(1 - all)]));
 }
 
 const reachCode = (plan, node) => reachOf(plan).get(node) ?? 0;

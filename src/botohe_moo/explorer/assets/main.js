@@ -42,6 +42,19 @@ function endPreview() {
   render();
 }
 
+/** Show trails and the map in a scenario, or over all. */
+function showScenario(event) {
+  scenario = event.target.value === "" ? null : Number(event.target.value);
+  act({});
+  drawScenario();
+}
+
+function drawScenario() {
+  byId("scenario").value = scenario ?? "";
+  tellDangers();
+  map.drawGround();
+}
+
 function showWalk(said) {
   const ways = [-1, 1].map((by) => beside(by) !== undefined);
   showSlider(d3.bisectLeft(matching, state.plan), Math.max(matching.length - 1, 0), said, ways);
@@ -114,6 +127,7 @@ function restore() {
   preview = null;
   complain(readHash());
   showFilters();
+  drawScenario();
   render();
 }
 
@@ -162,6 +176,7 @@ function listen() {
   window.addEventListener("popstate", restore);
   byId("walk").addEventListener("input", (event) => act({ plan: matching[event.target.value] }, true));
   onClicks({ less: () => step(-1), more: () => step(1), pin: () => togglePin(state.plan), animate: toggleAnimation });
+  byId("scenario").addEventListener("change", showScenario);
   byId("filters").addEventListener("input", filter);
   byId("filters").addEventListener("reset", () => setTimeout(filter));
   byId("filters").addEventListener("submit", (event) => event.preventDefault());
@@ -186,7 +201,7 @@ function hover(plan) {
 
 /** What there is to say of a node with the plan that is shown. */
 function nodeText(node) {
-  return `reached with ${probability(reachCode(preview ?? state.plan, node))}`;
+  return `reached with ${probability(reachShown(preview ?? state.plan).get(node) ?? 0)}`;
 }
 
 function resize() {
@@ -204,6 +219,9 @@ openPage(() => {
   byId("address").hidden = location.href === "about:srcdoc"; // a frame in a notebook has no history of its own
   byId("filter-node").append(...data.names.map((name, node) =>
     make("option", { value: node, dir: "auto" }, shortened(name, 60))));
+  byId("scenarios").hidden = data.scenarios.length === 1;
+  byId("scenario").append(...data.scenarios.map(([name, chance], i) =>
+    make("option", { value: i, dir: "auto" }, `${name} (${probability(codeOf(chance))})`)));
   byId("nodes-details").open = byId("key").open && data.names.length <= 60;
   front = new FrontChart(byId("front"));
   readHash();

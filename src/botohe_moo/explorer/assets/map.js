@@ -97,7 +97,7 @@ class SiteMap {
 
   /** All arcs, on bands that are the darker the more dangerous; both directions share one if they are the same. */
   drawGround() {
-    const [tails, heads, codes] = data.arcs;
+    const [[tails, heads], codes] = [data.arcs, arcCodes()];
     const danger = new Map(tails.map((tail, i) => [`${tail} ${heads[i]}`, 1 - share(codes[i])]));
     const most = d3.max(danger.values()) || 1;
     const [lines, bands] = [[], Array.from({ length: 2 * SHADES }, () => [])];
@@ -232,7 +232,7 @@ class SiteMap {
     const trails = trailsOf(plan);
     const styles = stylesOf(trails);
     const faint = (way) => robot !== null && way.robot !== robot;
-    this.fillNodes(reachOf(plan));
+    this.fillNodes(reachShown(plan));
     this.drawWays(trails.map((trail, i) => ({ robot: i, trail, journey: journeyOf(plan, i),
       label: this.width < 480 ? String(i) : robotName(i), look: faint({ robot: i }) ? "faint" : "", ...styles[i] })));
     if (!this.small) this.showBadges(this.ways, faint);

@@ -28,7 +28,7 @@ function tellNode(node, arc = null) {
 function arcText(arc) {
   const [tails, heads] = data.arcs;
   const survival = (one) => data.kinds.map((kind, i) => {
-    const code = data.arc_codes[i][one];
+    const code = scenario === null ? data.arc_codes[i][one] : codeOf(data.arc_survival[scenario][i][one]);
     return code ? `${kind} survives with ${probability(code)}` : `not for ${kind}`;
   }).join(", ");
   const back = tails.findIndex((tail, i) => tail === heads[arc] && heads[i] === tails[arc]);
@@ -78,6 +78,14 @@ function tellUnnamed() {
     : `Names of ${unnamed} of ${all} nodes have no room on the map: point at a node to read it.`;
 }
 
+/** Show what the darkest and the lightest arcs mean. */
+function tellDangers() {
+  const codes = arcCodes();
+  const [safe, risky] = [d3.max, d3.min].map((of) => of(codes, share));
+  byId("safest").textContent = probability(codes.find((code) => share(code) === safe));
+  byId("riskiest").textContent = probability(codes.find((code) => share(code) === risky));
+}
+
 /** Unpack the data, show what all pages say of the site, and let the page fill in the rest. */
 async function openPage(fill) {
   if (!("DecompressionStream" in window)) {
@@ -88,9 +96,7 @@ async function openPage(fill) {
   byId("about").textContent = data.about;
   byId("placing").textContent = data.placing;
   byId("kinds").textContent = data.key;
-  const [safe, risky] = [d3.max, d3.min].map((of) => of(data.arcs[2], share));
-  byId("safest").textContent = probability(data.arcs[2].find((code) => share(code) === safe));
-  byId("riskiest").textContent = probability(data.arcs[2].find((code) => share(code) === risky));
+  tellDangers();
   byId("key").open = !window.matchMedia("(max-width: 30rem)").matches;
   byId("main").hidden = false;
   map = new SiteMap(byId("map"), byId("ground"));

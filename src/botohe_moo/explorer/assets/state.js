@@ -12,6 +12,7 @@ function toHash() {
   const said = new URLSearchParams({ plan: data.ids[state.plan] });
   if (state.pins.length) said.set("pins", state.pins.map((plan) => data.ids[plan]).join(","));
   if (state.robot !== null) said.set("robot", state.robot);
+  if (scenario !== null) said.set("scenario", data.scenarios[scenario][0]);
   for (const name of FILTERS) if (state.filters[name] !== null) said.set(name, state.filters[name]);
   if (state.filters.node === null) said.delete("reach"); // which is the probability of a node
   return `#${said.toString().replaceAll("%2C", ",")}`;
@@ -26,6 +27,8 @@ function readHash() {
   state.plan = ids.get(said.get("plan")) ?? firstPlan();
   state.pins = [...new Set(pins)].slice(0, MAX_PINS).map((id) => ids.get(id));
   state.robot = whole(said.get("robot"), data.robots);
+  const place = data.scenarios.findIndex(([name]) => name === said.get("scenario"));
+  scenario = place < 0 ? null : place;
   for (const name of FILTERS) state.filters[name] = filterValue(name, said.get(name));
   state.filters.node = whole(said.get("node"), data.names.length);
   if (state.filters.node === null) state.filters.reach = null;

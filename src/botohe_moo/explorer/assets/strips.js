@@ -16,8 +16,8 @@ function showStrips(plan) {
   const axis = d3.axisBottom(x).ticks(wide / 90).tickSizeOuter(0);
   d3.select(byId("strips")).selectAll("figure").data(strips).join(addStrip).style("--robot", ({ style }) => style.colour)
     .each(function draw(strip) {
-      const key = [strip.robot, strip.number, strip.style.colour, strip.style.dash, longest].join();
-      if (this.key !== key) drawStrip(this, strip, x, axis); // neighbours on the front share trails
+      const key = [strip.robot, strip.number, strip.style.colour, strip.style.dash, longest, scenario].join();
+      if (this.key !== key) drawStrip(this, strip, survivalCode(plan, strip.robot), x, axis); // neighbours share trails
       this.key = key;
     });
 }
@@ -36,9 +36,9 @@ function addStrip(enter) {
   return added;
 }
 
-function drawStrip(element, { robot, style, trail, number, journey }, x, axis) {
+function drawStrip(element, { robot, style, trail, number, journey }, code, x, axis) {
   const [figure, start] = [d3.select(element), isolated(data.names[trail[0]])];
-  const said = `survives with ${probability(data.trail_codes[number])}, length ${data.trail_length_texts[number]}`;
+  const said = `survives with ${probability(code)}, length ${data.trail_length_texts[number]}`;
   const read = make("span", { class: "caption" });
   figure.select("figcaption").node().replaceChildren(
     make("span", { class: "robot" }, sampleOf(style, trail), make("strong", {}, robotText(robot))),

@@ -60,8 +60,8 @@ function showRobots(plan, alone) {
   fillTable("robots", [
     ["robot", false, (_, robot) => rowHead(make("span", { class: "robot" }, sample(robot), robot))],
     data.kinds.length && ["kind", false, (_, robot) => make("td", {}, kindOf(robot))],
-    ["survives", true, (number) => barCell(data.trail_codes[number])],
-    rewards.length && ["brings alone", true, (number) => cell(rewards[number])],
+    ["survives", true, (_, robot) => barCell(survivalCode(plan, robot))],
+    rewards.length && scenario === null && ["brings alone", true, (number) => cell(rewards[number])],
     ["length", true, (number) => cell(data.trail_length_texts[number])],
     ["nodes", true, (number) => cell(new Set(data.trails[number]).size - 1)],
     ["trail", false, (number) => make("td", { class: "way" }, way(data.trails[number]))],
@@ -151,7 +151,7 @@ function showWords(plans) {
 
 /** The table of the nodes on the trails in the order of visit, which is filled while it is open. */
 function showNodes(plan) {
-  const reach = [...reachOf(plan)].filter(([node]) => node !== data.base);
+  const reach = [...reachShown(plan)].filter(([node]) => node !== data.base);
   const counted = reach.length === 1 ? "1 node" : `${reach.length} nodes`;
   byId("nodes-details").firstElementChild.textContent = `${counted}, the base not counted`;
   if (!byId("nodes-details").open) return;
@@ -159,7 +159,7 @@ function showNodes(plan) {
     .filter((visit) => visit.isFirst).map((visit) => ({ robot, ...visit })));
   const byNode = d3.group(visits, (visit) => visit.node);
   const firstAt = (node) => d3.min(byNode.get(node), (visit) => visit.length);
-  const collected = data.collected.length ? reachOf(plan, "collected") : null;
+  const collected = data.collected.length && scenario === null ? reachOf(plan, "collected") : null;
   fillTable("nodes", [
     ["node", false, ([node]) => rowHead(nodeName(node))],
     ["visited after", true, ([node]) => cell(lengthOf(firstAt(node)))],
@@ -173,8 +173,9 @@ function showNodes(plan) {
 /** A card with a small map for each pinned plan; made anew only when pins change. */
 function showPinned(go, unpin) {
   byId("pinned").hidden = !state.pins.length;
-  if (showPinned.last === String(state.pins)) return;
-  showPinned.last = String(state.pins);
+  const shown = String([scenario, ...state.pins]);
+  if (showPinned.last === shown) return;
+  showPinned.last = shown;
   showPinned.maps = [];
   const within = byId("cards").contains(document.activeElement);
   byId("cards").replaceChildren(...state.pins.map((plan, i) => {
