@@ -25,12 +25,14 @@ if TYPE_CHECKING:
     from botohe_moo.mission import Mission as Mission
     from botohe_moo.mission import MissionError as MissionError
     from botohe_moo.mission import Scenario as Scenario
+    from botohe_moo.mission import independent_zones as independent_zones
     from botohe_moo.mission import load_mission as load_mission
     from botohe_moo.mission import mission_from_tables as mission_from_tables
     from botohe_moo.mission import mission_names as mission_names
     from botohe_moo.mission import rewards_from_raster as rewards_from_raster
     from botohe_moo.mission import roadmap_from_map as roadmap_from_map
     from botohe_moo.mission import save_mission as save_mission
+    from botohe_moo.mission import scenarios_from_samples as scenarios_from_samples
     from botohe_moo.mission import survival_from_raster as survival_from_raster
     from botohe_moo.mission import survival_from_zones as survival_from_zones
     from botohe_moo.mission.underway import Event as Event

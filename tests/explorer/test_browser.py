@@ -12,11 +12,11 @@ import pytest
 pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 from playwright.sync_api import expect
 
-from botohe_moo import Mission
+from botohe_moo import Mission, Scenario, load_mission
 from botohe_moo.decide import compare, plan_csv, plan_geojson, plan_json
 from botohe_moo.explorer import explore
-from botohe_moo.explorer.data import page_data, sentence
-from botohe_moo.outcomes import reach_probabilities
+from botohe_moo.explorer.data import page_data, probability_codes, sentence
+from botohe_moo.outcomes import reach_probabilities, team_chances
 from tests.decide.made import solution_of, star, trips
 from tests.explorer import conftest
 from tests.explorer.conftest import FILLED, NASTY, at_hand, downloaded, pinned, shows
@@ -330,3 +330,50 @@ def test_kinds_of_robots(opened, tmp_path):
             assert page.inner_text("#node").partition(": ")[2] == said
         for kind, write in WRITERS.items():
             assert downloaded(page, kind) == write(solution.mission, solution.plans[0])
+
+
+def test_a_scenario_is_shown(opened, tmp_path):
+    """With a storm, arcs, trails and nodes are as they are in it; all else stays the mean."""
+    mission = Mission(load_mission("toy").graph, scenarios=[Scenario("storm", 0.25, factor=3)])
+    plan = mission.plan([[1, 2, 4, 2, 1], [1, 3, 1]])
+
+    def shown(page):
+        rows = "rows => rows.map((row) => [row.cells[0].textContent, row.cells[3].textContent])"
+        return (
+            page.locator("#robots tbody td:nth-child(2)").all_text_contents(),
+            dict(page.locator("#nodes tbody tr").evaluate_all(rows)),
+            page.locator("#riskiest").text_content(),
+        )
+
+    def expected(one):
+        alive = probability_codes(one.robot_survival([plan])[0])
+        reach = probability_codes(team_chances(reach_probabilities, one, plan))
+        [riskiest] = probability_codes([one.world.graph.mean_survival.min()])
+        visited = set(plan.nodes.tolist()) - {0}
+        return (
+            [*map(text_of, alive)],
+            {str(mission.nodes[node]): text_of(reach[node]) for node in visited},
+            text_of(riskiest),
+        )
+
+    with opened(explore(solution_of(mission, [plan]), tmp_path / "scenarios.html")) as page:
+        chances = page.locator("#scenario option").all_text_contents()[1:]
+        assert chances == ["storm (0.250)", "otherwise (0.750)"]
+        assert shown(page) == expected(mission)
+        for name, chance in zip(("storm", "otherwise"), chances, strict=True):
+            page.select_option("#scenario", label=chance)
+            assert shown(page) == expected(mission.in_scenario(name))
+            assert page.url.endswith(f"scenario={name}")
+        page.reload()
+        page.wait_for_selector(FILLED)
+        assert shown(page) == expected(mission.in_scenario("otherwise"))
+        page.go_back()
+        assert shown(page) == expected(mission.in_scenario("storm"))
+        compared = page.locator("#compare tr").all()
+        facts = [row.locator("th, td").all_text_contents() for row in compared]
+        [reward] = [
+            float(cells[1]) for cells in facts if cells[0] == "Expected reward in scenario storm"
+        ]
+        assert reward == pytest.approx(
+            mission.in_scenario("storm").evaluate([plan])[0, 0], abs=0.01
+        )

@@ -6,10 +6,12 @@ from math import fsum
 
 import networkx as nx
 import numpy as np
+import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from pymoo.optimize import minimize
+from scipy import stats
 
 from botohe_moo import (
     BOTOHE,
@@ -21,17 +23,21 @@ from botohe_moo import (
     algorithm_names,
     area_indicator,
     bound_front,
+    independent_zones,
     load_mission,
     make_algorithm,
+    mission_from_tables,
     plan_outcomes,
     replan,
     save_mission,
+    scenarios_from_samples,
     simulate_policy,
     solve,
     worst_case,
 )
 from botohe_moo.algorithms import exact_front
-from botohe_moo.decide import robustness
+from botohe_moo.decide import parse_wishes, robustness
+from botohe_moo.decide.wishes import Candidates
 from botohe_moo.outcomes import collect_probabilities, reach_probabilities, simulate
 from botohe_moo.underway import EventError, under_way
 from tests import twins
@@ -364,3 +370,140 @@ def test_scenarios_of_named_missions_and_in_texts():
     ]
     with pytest.raises(MissionError, match="expected probability in"):
         load_mission("toy", scenarios=["storm=much"])
+
+
+ZONED = TOY.graph.copy()
+nx.set_node_attributes(ZONED, {2: "east", 4: "east", 3: "west"}, "zone")
+
+
+def test_a_factor_may_hold_in_several_zones(tmp_path):
+    mission = Mission(ZONED, scenarios=[Scenario("flood", 0.5, 2, ["east", "west"])])
+    flooded = nx.get_edge_attributes(mission.in_scenario("flood").graph, "survival")
+    for arc, survival in nx.get_edge_attributes(ZONED, "survival").items():
+        assert flooded[arc] == (survival if arc in ((1, 5), (5, 1)) else survival**2)
+    save_mission(mission, tmp_path / "zones.json")
+    assert load_mission(tmp_path / "zones.json") == mission
+    assert (
+        load_mission(tmp_path / "zones.json", scenarios=["flood=0.5,factor=2,zone=east+west"])
+        == mission
+    )
+    for zones, fault in (
+        (["east", "wst"], "zone 'wst': no node"),
+        ([3], "expected zone"),
+        ([], "expected zone"),
+    ):
+        with pytest.raises(MissionError, match=fault):
+            Mission(ZONED, scenarios=[Scenario("flood", 0.5, 2, zones)])
+
+
+def test_zones_that_are_struck_independently():
+    found = independent_zones({"east": 0.5, "west": 0.25}, factor=8, calm=0.5)
+    assert found == [
+        Scenario("calm", 0.5 * 0.75, 0.5),
+        Scenario("west", 0.5 * 0.25, 8, ("west",)),
+        Scenario("east", 0.5 * 0.75, 8, ("east",)),
+        Scenario("east and west", 0.5 * 0.25, 8, ("east", "west")),
+    ]
+    assert len(Mission(ZONED, scenarios=found).scenarios) == 4
+    [never] = independent_zones({"east": 0.0}, factor=8)
+    assert never.name == "calm"
+    with pytest.raises(ValueError, match=r"the probability of 'east'.*got 1\.5"):
+        independent_zones({"east": 1.5}, factor=8)
+
+
+@examples(60)
+@given(scenario_missions_with_plans())
+def test_marginals_can_be_kept(case):
+    mission, _ = case
+    given = [scenario for scenario in mission.scenarios if scenario.name != "otherwise"]
+    plain = mission.with_scenarios([])
+    try:
+        kept = plain.with_scenarios(given, keep_marginals=True)
+    except MissionError as error:
+        assume("no hazard gives a mean survival of" not in str(error))
+        raise
+    means, wanted = (one.world.graph.mean_survival for one in (kept, plain))
+    for arc, (tail, head) in enumerate(
+        zip(kept.world.graph.tail, kept.world.graph.head, strict=True)
+    ):
+        n = len(kept.nodes)
+        labels = kept.nodes[tail % n], kept.nodes[head % n]
+        if not all(labels in s.survival for s in mission.scenarios):
+            assert means[arc] == pytest.approx(wanted[arc], abs=1e-9)
+
+
+def test_marginals_by_hand():
+    """In half of all cases the hazard is three times as large: (x + x³) / 2 = 0.55."""
+    storm = Scenario("storm", 0.5, factor=3)
+    graph = TOY.graph.copy()
+    nx.set_edge_attributes(graph, (0.8 + 0.8**3) / 2, "survival")
+    kept = Mission(graph).with_scenarios([storm], keep_marginals=True)
+    assert all(s == pytest.approx(0.8) for *_, s in kept.graph.edges(data="survival"))
+    sure = Scenario("sure", 0.9, factor=0)
+    with pytest.raises(MissionError, match=r"arc 1 -> 2: no hazard gives .* of 0\.656"):
+        Mission(graph).with_scenarios([sure], keep_marginals=True)
+
+
+def test_survivals_that_are_known_from_few_crossings():
+    graph = TOY.graph.copy()
+    nx.set_edge_attributes(graph, {(1, 2): "stairs", (2, 1): "stairs", (2, 4): "hall"}, "class")
+    counts = {"stairs": (20, 2), "hall": (0, 0)}
+    found = scenarios_from_samples(graph, counts, n_scenarios=32, prior=(9, 1), seed=4)
+    assert found == scenarios_from_samples(graph, counts, n_scenarios=32, prior=(9, 1), seed=4)
+    assert {arc for scenario in found for arc in scenario.survival} == {(1, 2), (2, 1), (2, 4)}
+    for arc, (a, b) in (((1, 2), (27, 3)), ((2, 4), (9, 1))):
+        drawn = np.array([scenario.survival[arc] for scenario in found])
+        strata = np.floor(32 * stats.beta.cdf(drawn, a, b)).astype(int)
+        assert sorted(strata) == [*range(32)]
+        assert drawn.mean() == pytest.approx(a / (a + b), abs=0.01)
+    assert all(scenario.survival[1, 2] == scenario.survival[2, 1] for scenario in found)
+    assert len(Mission(graph, scenarios=found).scenarios) == 32
+    for wrong, fault in (
+        ({"stairs": (3, 4)}, "losses of 'stairs' in .0, 3"),
+        ({"stair": (3, 1)}, "Expected arcs with class 'stair', found none"),
+    ):
+        with pytest.raises(ValueError, match=fault):
+            scenarios_from_samples(graph, wrong)
+
+
+def test_tables_have_a_column_for_a_scenario():
+    nodes = pd.DataFrame({"label": ["dock", "reef", "cape"], "reward": [0, 5, 3]})
+    arcs = pd.DataFrame(
+        {
+            "tail": ["dock", "reef"],
+            "head": ["reef", "cape"],
+            "survival": [0.9, 0.8],
+            "survival:storm": ["0.5", None],
+        }
+    )
+    given = {"base": "dock", "robots": 2, "both_ways": True}
+    mission = mission_from_tables(
+        nodes, arcs, scenarios=[Scenario("storm", 0.25, factor=2)], **given
+    )
+    stormy = nx.get_edge_attributes(mission.in_scenario("storm").graph, "survival")
+    assert stormy == {
+        ("dock", "reef"): 0.5,
+        ("reef", "dock"): 0.5,
+        ("reef", "cape"): 0.8**2,
+        ("cape", "reef"): 0.8**2,
+    }
+    assert mission.graph.edges["dock", "reef"] == {"survival": 0.9}
+    with pytest.raises(MissionError, match="column 'survival:storm': no such kind or scenario"):
+        mission_from_tables(nodes, arcs, scenarios=["strom=0.25"], **given)
+    with pytest.raises(MissionError, match=r"expected survival in .0, 1., got 1\.5"):
+        mission_from_tables(
+            nodes, arcs.assign(**{"survival:storm": 1.5}), scenarios=["storm=0.25"], **given
+        )
+
+
+def test_a_wish_for_the_worst_scenario():
+    plans = [THREE.stay_home(), PLAN, THREE.plan([[1, 3, 1], [1, 2, 1]])]
+    candidates = Candidates(THREE, plans)
+    for quantity, place in (("reward", 0), ("survivors", 1)):
+        [wish] = parse_wishes(THREE, [f"worst scenario {quantity} >= 1"])
+        assert str(wish) == f"worst scenario {quantity} >= 1"
+        for i, plan in enumerate(plans):
+            worst = min(one.evaluate([plan])[0, place] for _, one in THREE.in_scenarios)
+            assert candidates.value(wish, i) == worst
+    [plain] = parse_wishes(TOY, ["worst scenario reward >= 1"])
+    assert Candidates(TOY, [PLAN]).value(plain, 0) == TOY.evaluate([PLAN])[0, 0]

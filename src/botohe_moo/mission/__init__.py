@@ -25,5 +25,7 @@ if TYPE_CHECKING:
     from botohe_moo.mission.rules import MissionError as MissionError
     from botohe_moo.mission.rules import PlanError as PlanError
     from botohe_moo.mission.scenarios import Scenario as Scenario
+    from botohe_moo.mission.scenarios import independent_zones as independent_zones
+    from botohe_moo.mission.scenarios import scenarios_from_samples as scenarios_from_samples
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

@@ -179,7 +179,8 @@ def load_mission(
     """
     function = find_factory(name_or_path)
     if function is None:
-        mission = read_mission(name_or_path, robots=robots, **parameters)
+        options = parameters if scenarios is None else parameters | {"scenarios": scenarios}
+        mission = read_mission(name_or_path, robots=robots, **options)
     else:
         source, accepted = MISSIONS.source(str(name_or_path)), p.accepted_parameters(function)
         if robots is not None and any(each.name == "robots" for each in accepted):
@@ -191,7 +192,7 @@ def load_mission(
         except (m.PluginError, m.FaultsError) as error:
             raise blamed_on(source, error) from error
         mission = mission if robots in (None, mission.robots) else mission.with_robots(robots)
-    mission = mission if scenarios is None else mission.with_scenarios(scenarios)
+        mission = mission if scenarios is None else mission.with_scenarios(scenarios)
     return mission.with_lengths_from_pos() if lengths_from_pos else mission
 
 
@@ -229,6 +230,8 @@ def read_mission(path: FilePath, /, **options: Any) -> Mission:
         - ``pays``: ``"arrival"`` or ``"return"``, as for `Mission`; default: the file's.
         - ``scenarios``: as for `load_mission`; default: the file's, objects with the parameters of
           `Scenario`, whose ``survival`` lists [tail, head, number], and ``reward`` [node, number].
+          Arcs in tables, GraphML and GeoJSON may also have an attribute such as ``survival:storm``,
+          with the name of a scenario.
         - ``both_ways``: whether every arc can be passed both ways, with the same attributes, unless
           the file has an arc back; default: False.
         - ``danger`` (at least 0): the rate of loss for a unit of length. An arc without a survival

@@ -30,6 +30,7 @@ from botohe_moo.mission.scenarios import (
     in_scenarios,
     read_scenarios,
     survivals_in,
+    with_marginals,
 )
 from botohe_moo.mission.underway import Event, under_way
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
@@ -305,10 +306,18 @@ class Mission:
         kinds = (replace(self.kinds[0], robots=check("robots", robots, int, ge=1)),)
         return self._derive(self.graph, kinds, self.scenarios)
 
-    def with_scenarios(self, scenarios: Any) -> Mission:
-        """Return the same mission with other scenarios, each a `Scenario`, a mapping, or a text.
+    def with_scenarios(self, scenarios: Any, *, keep_marginals: bool = False) -> Mission:
+        """Return the same mission with other scenarios.
 
-        A text is such as "storm=0.2,factor=8,zone=east". A MissionError lists what is wrong.
+        Parameters
+        ----------
+        scenarios
+            Each a `Scenario`, a mapping, or a text such as "storm=0.2,factor=8,zone=east". A
+            MissionError lists what is wrong.
+        keep_marginals
+            Whether survivals of the graph stay the means over all scenarios. Then those that
+            scenarios start from are computed so. A MissionError names an arc for which there is
+            none. By default scenarios start from those of the graph.
 
         Examples
         --------
@@ -319,7 +328,14 @@ class Mission:
         """
         found = read_scenarios(scenarios, lambda label: label)
         given = {"base": self.base, "pays": self.pays, "scenarios": found}
-        return Mission(self.graph, kinds=self.kinds, name=self.name, **given)
+        made = Mission(self.graph, kinds=self.kinds, name=self.name, **given)
+        if not keep_marginals:
+            return made
+        try:
+            graph = with_marginals(self.graph, made.scenarios, self.kinds)
+        except ValueError as error:
+            raise MissionError(str(error), f"Mission {quoted(self.name)}") from None
+        return Mission(graph, kinds=self.kinds, name=self.name, **given)
 
     def with_lengths_from_pos(self) -> Mission:
         """Return the same mission with the distances between positions as lengths of arcs.

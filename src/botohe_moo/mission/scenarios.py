@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields
+from itertools import product
 from typing import Any
 
 import networkx as nx
 import numpy as np
 
 from botohe_moo.base.messages import most_alike, quoted
+from botohe_moo.base.parameters import NotNegative, Probability, check
 from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.rules import (
     BY_KIND,
@@ -48,8 +51,8 @@ class Scenario:
     factor
         What hazards, −log of survivals, are multiplied by, at least 0.
     zone
-        The nodes' attribute ``zone``: ``factor`` holds for arcs that begin or end in this zone.
-        Default: for all arcs.
+        A zone, or several: ``factor`` holds for arcs that begin or end in one of them. In which one
+        a node is says its attribute ``zone``. Default: for all arcs.
     survival
         Survivals in [0, 1] of some arcs, each by its tail and head: (tail, head) → a number, or a
         mapping from kinds to numbers. 0 closes the arc. The factor does not count there.
@@ -72,7 +75,7 @@ class Scenario:
     name: str
     probability: float
     factor: float = 1.0
-    zone: str | None = None
+    zone: str | Collection[str] | None = None
     survival: Mapping[tuple[Hashable, Hashable], Any] = field(default_factory=dict, hash=False)
     reward: Mapping[Hashable, float] = field(default_factory=dict, hash=False)
 
@@ -81,7 +84,7 @@ _SUMS = 1e-9  # by how much the probabilities of scenarios may differ from 1
 _OF_SCENARIOS: Rules = {
     "probability": ("probability in (0, 1]", within(math.ulp(0), 1), None),
     "factor": ("a finite factor >= 0", within(0), 1.0),
-    "zone": ("zone to be a text", lambda v: v is None or isinstance(v, str), None),
+    "zone": ("zone to be a text, or several", lambda v: _are_texts(_zones(v)), None),
     "survival": ("survival to be a mapping from arcs to numbers", is_mapping, {}),
     "reward": ("reward to be a mapping from nodes to numbers", is_mapping, {}),
 }
@@ -91,8 +94,8 @@ def read_scenarios(scenarios: Any, find: Callable[[Any], Any]) -> Any:
     """Return scenarios as a graph holds them, from mappings as files hold them, or from texts.
 
     Those have lists in place of mappings from nodes and arcs: [tail, head, survival] and [node,
-    reward]. ``find`` returns the node of a label. A text is such as "storm=0.2,factor=8,zone=east".
-    What is not of this form stays as it is.
+    reward]. ``find`` returns the node of a label. A text is such as "storm=0.2,factor=8,zone=east";
+    ``+`` joins several zones. What is not of this form stays as it is.
     """
     if not isinstance(scenarios, list | tuple):
         return scenarios
@@ -102,6 +105,8 @@ def read_scenarios(scenarios: Any, find: Callable[[Any], Any]) -> Any:
         if isinstance(own, str):
             first, *others = (part.partition("=")[::2] for part in own.split(","))
             own = {"name": first[0], "probability": first[1], **dict(others)}
+            if "+" in own.get("zone", ""):
+                own["zone"] = own["zone"].split("+")
             for name in {"probability", "factor"} & own.keys():
                 with suppress(ValueError):
                     own[name] = float(own[name])
@@ -113,6 +118,27 @@ def read_scenarios(scenarios: Any, find: Callable[[Any], Any]) -> Any:
                 keys = labels if n_labels > 1 else [label for (label,) in labels]
                 own[name] = dict(zip(keys, values, strict=True))
         found.append(own)
+    return found
+
+
+def names_of(scenarios: Any) -> list[Any]:
+    """Return the names of scenarios, as far as they have the form of any."""
+    given = scenarios if isinstance(scenarios, list) else []
+    of_each = [vars(one) if isinstance(one, Scenario) else one for one in given]
+    return [of["name"] for of in of_each if isinstance(of, Mapping) and "name" in of]
+
+
+def with_survivals(
+    scenarios: Iterable[Any], survivals: Mapping[Any, Mapping[Any, Any]], graph: nx.DiGraph[Any]
+) -> list[Any]:
+    """Return scenarios with survivals of arcs of a graph, by names of scenarios; their own hold."""
+    found = list[Any](scenarios)
+    for i, scenario in enumerate(found):
+        given = vars(scenario) if isinstance(scenario, Scenario) else scenario
+        name = given.get("name") if isinstance(given, Mapping) else None
+        of_table = {arc: n for arc, n in survivals.get(name, {}).items() if graph.has_edge(*arc)}
+        if of_table and is_mapping(given.get("survival", {})):
+            found[i] = {**given, "survival": of_table | given.get("survival", {})}
     return found
 
 
@@ -158,6 +184,15 @@ def check_scenarios(
     return tuple(found), []
 
 
+def _zones(zone: Any) -> tuple[Any, ...]:
+    """Return zones as a scenario has them; all of them are none."""
+    return (zone,) if isinstance(zone, str) or not isinstance(zone, Iterable) else tuple(zone)
+
+
+def _are_texts(zones: tuple[Any, ...]) -> bool:
+    return zones == (None,) or (len(zones) > 0 and all(isinstance(zone, str) for zone in zones))
+
+
 def _scenario_faults(
     scenario: Scenario, graph: nx.DiGraph[Any], kinds: Sequence[Kind]
 ) -> Iterator[str]:
@@ -165,10 +200,11 @@ def _scenario_faults(
     if not is_name(scenario.name):
         yield "expected a printable name without : , = and blanks around it"
     yield from faults_of(vars(scenario), _OF_SCENARIOS)
-    zones = {of["zone"] for _, of in graph.nodes(data=True) if isinstance(of.get("zone"), str)}
-    if scenario.zone is not None and scenario.zone not in zones:
-        near = most_alike(str(scenario.zone), sorted(zones)) or "; no node has a zone"
-        yield f"zone {quoted(scenario.zone)}: no node has this zone{near}"
+    known = {of["zone"] for _, of in graph.nodes(data=True) if isinstance(of.get("zone"), str)}
+    for zone in _zones(scenario.zone):
+        if isinstance(zone, str) and zone not in known:
+            near = most_alike(zone, sorted(known)) or "; no node has a zone"
+            yield f"zone {quoted(zone)}: no node has this zone{near}"
     names = [kind.name for kind in kinds]
     rules: Rules = {"survival": BY_KIND["survival"]}
     for arc, value in scenario.survival.items() if is_mapping(scenario.survival) else ():
@@ -194,9 +230,15 @@ def survivals_in(
     given = by_kind(graph.edges[arc]["survival"], kinds)
     if arc in scenario.survival:
         return list(zip(by_kind(scenario.survival[arc], kinds), given, strict=True))
-    is_here = scenario.zone is None or scenario.zone in [graph.nodes[v].get("zone") for v in arc]
-    factor = float(scenario.factor) if is_here else 1.0
+    factor = _factor_on(scenario, graph, arc)
     return [(n**factor if n > 0.0 else 0.0, n) for n in given]
+
+
+def _factor_on(scenario: Scenario, graph: Any, arc: tuple[Any, Any]) -> float:
+    """Return what the hazard of an arc is multiplied by in a scenario."""
+    zones = _zones(scenario.zone)
+    is_here = scenario.zone is None or any(graph.nodes[v].get("zone") in zones for v in arc)
+    return float(scenario.factor) if is_here else 1.0
 
 
 def in_scenarios(mission: Any, arcs: Sequence[tuple[Any, Any]]) -> tuple[FloatArray, FloatArray]:
@@ -213,3 +255,176 @@ def in_scenarios(mission: Any, arcs: Sequence[tuple[Any, Any]]) -> tuple[FloatAr
             survival[s, i] = [n if m > 0.0 else 0.0 for n, m in numbers]
         reward[s] = [float(scenario.reward.get(v, of["reward"])) for v, of in graph.nodes.items()]
     return survival, reward
+
+
+def independent_zones(
+    probabilities: Mapping[str, float], factor: float, *, calm: float = 1.0
+) -> list[Scenario]:
+    """Return the scenarios of zones of which each is struck or not, independently of the others.
+
+    There is one for each set of zones, so that ten zones give 1024. Time and memory of most
+    searches grow with their number.
+
+    Parameters
+    ----------
+    probabilities
+        How probable it is that a zone is struck, in [0, 1].
+    factor
+        What hazards on arcs that begin or end in a zone that is struck are multiplied by.
+    calm
+        What all hazards are multiplied by where no zone is struck.
+
+    Returns
+    -------
+    list of Scenario
+        Named by the zones that are struck, such as ``east and west``, or ``calm``. Those of
+        probability 0 are left out.
+
+    Examples
+    --------
+    >>> from botohe_moo import independent_zones
+    >>> found = independent_zones({"east": 0.5, "west": 0.25}, factor=8)
+    >>> [(scenario.name, scenario.probability) for scenario in found]
+    [('calm', 0.375), ('west', 0.125), ('east', 0.375), ('east and west', 0.125)]
+    """
+    chances = dict(probabilities)
+    for zone, probability in chances.items():
+        check(f"the probability of {quoted(zone)}", probability, Probability)
+    found = []
+    for struck in product((False, True), repeat=len(chances)):
+        zones = tuple(zone for zone, is_struck in zip(chances, struck, strict=True) if is_struck)
+        each = zip(chances.values(), struck, strict=True)
+        probability = math.prod(p if is_struck else 1.0 - p for p, is_struck in each)
+        if probability > 0.0 and zones:
+            found.append(Scenario(" and ".join(zones), probability, factor, zones))
+        elif probability > 0.0:
+            found.append(Scenario("calm", probability, calm))
+    return found
+
+
+def scenarios_from_samples(
+    graph: nx.DiGraph[Any],
+    counts: Mapping[Any, tuple[float, float]],
+    *,
+    by: str = "class",
+    prior: tuple[float, float] = (0.5, 0.5),
+    n_scenarios: int = 16,
+    seed: int = 1,
+) -> list[Scenario]:
+    """Return scenarios of survivals that are known from few crossings only.
+
+    Survivals of arcs of one class are the same in a scenario, and unknown: they are drawn from the
+    Beta distribution that follows from the counts. A plan is then good on average over what the
+    survivals may be.
+
+    Parameters
+    ----------
+    graph
+        The graph of the mission. Arcs without a class, or of one without counts, keep their
+        survivals.
+    counts
+        Class → (how many robots have crossed an arc of it, how many of these were lost).
+    by
+        The arcs' attribute that names their class.
+    prior
+        The two parameters of the Beta distribution before any crossing, for survivals and losses.
+        The default is that of Jeffreys. An expert's 0.93 that is worth ten crossings is (9.3, 0.7).
+    n_scenarios
+        How many scenarios, all equally probable.
+    seed
+        Of the draws.
+
+    Returns
+    -------
+    list of Scenario
+        Named ``sample 1`` and so on. The draws are stratified: each of ``n_scenarios`` equally
+        probable ranges of each survival has one (Latin hypercube; McKay, Beckman and Conover,
+        1979).
+
+    Raises
+    ------
+    ValueError
+        If there are more losses than crossings, a number is out of its range, or no arc has one of
+        the classes.
+
+    Examples
+    --------
+    >>> import networkx as nx
+    >>> from botohe_moo import load_mission, scenarios_from_samples
+    >>> graph = load_mission("toy").graph.copy()
+    >>> nx.set_edge_attributes(graph, "stairs", "class")
+    >>> found = scenarios_from_samples(graph, {"stairs": (20, 1)}, n_scenarios=4)
+    >>> [round(scenario.survival[1, 2], 2) for scenario in found]
+    [0.84, 0.94, 0.98, 0.96]
+    """
+    from scipy.stats import beta, qmc  # imported late: it takes time
+
+    n_scenarios = check("n_scenarios", n_scenarios, int, ge=1)
+    parameters = []
+    for name, (crossings, lost) in counts.items():
+        check(f"crossings of {quoted(name)}", crossings, NotNegative)
+        check(f"losses of {quoted(name)}", lost, float, ge=0, le=crossings)
+        parameters.append((prior[0] + crossings - lost, prior[1] + lost))
+    arcs = {name: [arc for arc, of in graph.edges.items() if of.get(by) == name] for name in counts}
+    if missing := [str(name) for name, of_class in arcs.items() if not of_class]:
+        raise ValueError(f"Expected arcs with {by} {quoted(missing[0])}, found none.")
+    shares = qmc.LatinHypercube(len(counts), rng=seed).random(n_scenarios)
+    drawn = beta.ppf(shares, *np.transpose(parameters))
+    return [
+        Scenario(
+            f"sample {i}",
+            1.0 / n_scenarios,
+            survival={
+                arc: float(number)
+                for number, of in zip(row, arcs.values(), strict=True)
+                for arc in of
+            },
+        )
+        for i, row in enumerate(drawn, 1)
+    ]
+
+
+def with_marginals(
+    graph: nx.DiGraph[Any], scenarios: Sequence[Scenario], kinds: Sequence[Kind]
+) -> nx.DiGraph[Any]:
+    """Return the graph with survivals from which scenarios make those of before, on average.
+
+    A ValueError names an arc for which there are none.
+    """
+    scaled, total = graph.copy(), math.fsum(scenario.probability for scenario in scenarios)
+    for arc, of in scaled.edges.items():
+        found: dict[str, float] = {}
+        for kind, wanted in zip(kinds, by_kind(of["survival"], kinds), strict=True):
+            # What scenarios say themselves, and of the others their probabilities by factors.
+            fixed, factors = 0.0, defaultdict[float, float](float)
+            for scenario in scenarios:
+                probability = scenario.probability / total
+                if arc in scenario.survival:
+                    fixed += probability * by_kind(scenario.survival[arc], [kind])[0]
+                else:
+                    factors[_factor_on(scenario, graph, arc)] += probability
+            found[kind.name] = _base_survival(wanted, fixed, factors) if wanted > 0.0 else 0.0
+            if math.isnan(found[kind.name]):
+                raise ValueError(f"{whose(*arc)}: no hazard gives a mean survival of {wanted:g}")
+        of["survival"] = found if len(kinds) > 1 else found[kinds[0].name]
+    return scaled
+
+
+def _base_survival(wanted: float, fixed: float, factors: Mapping[float, float]) -> float:
+    """Return ω so that ``fixed`` and the mean of ω^factor are as wanted together; NaN for none.
+
+    ``factors`` have their probabilities.
+    """
+    from scipy.optimize import brentq  # imported late: it takes time
+
+    def excess(hazard: float) -> float:
+        return fixed + sum(p * math.exp(-hazard * f) for f, p in factors.items()) - wanted
+
+    if not factors:
+        return wanted
+    if abs(excess(0.0)) < _SUMS:
+        return 1.0
+    most = 700.0 / min((factor for factor in factors if factor > 0.0), default=math.inf)
+    if excess(0.0) < 0.0 or excess(most) > 0.0:
+        return math.nan
+    return max(math.exp(-float(brentq(excess, 0.0, most, xtol=1e-14))), math.ulp(0.0))

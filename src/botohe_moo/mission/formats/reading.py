@@ -27,7 +27,7 @@ from botohe_moo.mission import hazards, rules
 from botohe_moo.mission.hazards import Raster, Zone
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import Kind, MissionError
-from botohe_moo.mission.scenarios import read_scenarios
+from botohe_moo.mission.scenarios import names_of, read_scenarios, with_survivals
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -326,11 +326,13 @@ class _Site:
         read = functools.partial(_plain, readers=_READ | readers)
         self.kinds, faults = rules.read_kinds(self.graph.get("kinds"), read)
         names = [kind.name for kind in self.kinds]
-        if faults := faults or _join_columns(self.nodes, names) or _join_columns(self.arcs, names):
+        self.scenarios = read_scenarios(self.graph.get("scenarios"), find)
+        known = names_of(self.scenarios)
+        faults = faults or _join_columns(self.nodes, names)
+        if faults := faults or _join_columns(self.arcs, names, known):
             raise MissionError([*self.faults, *faults])
         self.graph |= {"kinds": self.kinds} if self.kinds else {}
-        if scenarios := read_scenarios(self.graph.get("scenarios"), find):
-            self.graph["scenarios"] = scenarios
+        self.columns = {f"survival:{name}": name for name in known}
         self.places = hazards.places_of(self.at)
 
     def _plain_rows(self, rows: Iterable[Row], *reserved: str) -> list[Row]:
@@ -435,6 +437,10 @@ class _Site:
             elif rival is not arc:
                 self.faults.append(f"{named}: is listed more than once")
         arcs = [arc for arc in kept.values() if all(label in graph for label in arc.labels)]
+        in_scenarios: dict[str, dict[Any, Any]] = {name: {} for name in self.columns.values()}
+        for arc in arcs:
+            for column in self.columns.keys() & arc.attributes.keys():
+                in_scenarios[self.columns[column]][arc.labels] = arc.attributes.pop(column)
         graph.add_edges_from((*arc.labels, arc.attributes) for arc in arcs)
         if self.faults:
             if self.base is None:
@@ -442,6 +448,8 @@ class _Site:
             raise MissionError([*self.faults, *rules.attribute_faults(graph, self.kinds)])
         if self.draft.foreign:
             self._leave_out(graph, loops, parallel)
+        if self.scenarios:
+            graph.graph["scenarios"] = with_survivals(self.scenarios, in_scenarios, graph)
         if said := [f"{what}: {listed(names)}" for what, names in self.left_out.items() if names]:
             self.notes.insert(0, f"Left out {'; '.join(said)}.")
         return graph
@@ -512,18 +520,24 @@ def _text(label: Hashable) -> str:
     return json.dumps(label) if isinstance(label, bool) else str(label)
 
 
-def _join_columns(rows: Sequence[Row], kinds: Sequence[str]) -> list[str]:
+def _join_columns(
+    rows: Sequence[Row], kinds: Sequence[str], scenarios: Sequence[str] = ()
+) -> list[str]:
     """Replace columns for one kind by mappings from kinds to numbers; return what is wrong.
 
+    Columns for a scenario stay as they are.
     Where another kind's cell is filled, an empty cell has the number in the column for all kinds.
     If that is empty, too, a kind cannot take the arc.
     """
     for name in rules.BY_KIND:
         where = {key: row.where for row in reversed(rows) for key in row.attributes}
         columns = {key: key.partition(":")[2] for key in where if rules.attribute_of(key) == name}
+        columns = {key: of for key, of in columns.items() if of in kinds or of not in scenarios}
         known = f"the kinds are {', '.join(kinds)}" if kinds else "the mission lists no kinds"
+        known += f", the scenarios {', '.join(scenarios)}" if scenarios else ""
         unknown = [key for key, kind in columns.items() if kind not in kinds]
-        faults = [f"{where[key]}: column {quoted(key)}: no such kind; {known}" for key in unknown]
+        what = "kind or scenario" if scenarios else "kind"
+        faults = [f"{where[key]}: column {quoted(key)}: no such {what}; {known}" for key in unknown]
         if columns and not faults and name == "survival" and name not in where:
             missing = [f"{name}:{kind}" for kind in kinds if f"{name}:{kind}" not in columns]
             first = where[min(columns)]
