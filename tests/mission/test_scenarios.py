@@ -36,11 +36,12 @@ from botohe_moo import (
     worst_case,
 )
 from botohe_moo.algorithms import exact_front
-from botohe_moo.decide import parse_wishes, robustness
+from botohe_moo.decide import by_scenario, parse_wishes, robustness
 from botohe_moo.decide.wishes import Candidates
 from botohe_moo.outcomes import collect_probabilities, reach_probabilities, simulate
 from botohe_moo.underway import EventError, under_way
 from tests import twins
+from tests.commands import run_botohe
 from tests.examples import examples
 from tests.strategies import missions_with_plans, scenario_missions_with_plans
 
@@ -79,6 +80,8 @@ def test_by_hand():
 def test_objectives_are_those_of_all_scenarios(case):
     mission, plan = case
     found, trails = mission.evaluate([plan])[0], mission.labels(plan)
+    assert (mission.world.graph.cost >= 0.0).all()
+    assert np.isfinite(mission.world.graph.cost).all()
     expected = twins.evaluate(mission, trails)
     near = {"rel": 1e-12, "abs": 1e-12 * (1 + mission.total_reward)}
     assert found.tolist() == pytest.approx(expected, **near)
@@ -422,14 +425,15 @@ def test_marginals_can_be_kept(case):
     except MissionError as error:
         assume("no hazard gives a mean survival of" not in str(error))
         raise
-    means, wanted = (one.world.graph.mean_survival for one in (kept, plain))
-    for arc, (tail, head) in enumerate(
-        zip(kept.world.graph.tail, kept.world.graph.head, strict=True)
-    ):
-        n = len(kept.nodes)
-        labels = kept.nodes[tail % n], kept.nodes[head % n]
+    # The world has no arcs that are closed in all scenarios.
+    means, wanted = (
+        dict(zip(zip(arcs.tail, arcs.head, strict=True), arcs.mean_survival, strict=True))
+        for arcs in (kept.world.graph, plain.world.graph)
+    )
+    for (tail, head), mean in means.items():
+        labels = kept.nodes[tail % len(kept.nodes)], kept.nodes[head % len(kept.nodes)]
         if not all(labels in s.survival for s in mission.scenarios):
-            assert means[arc] == pytest.approx(wanted[arc], abs=1e-9)
+            assert mean == pytest.approx(wanted[tail, head], abs=1e-9)
 
 
 def test_marginals_by_hand():
@@ -507,3 +511,29 @@ def test_a_wish_for_the_worst_scenario():
             assert candidates.value(wish, i) == worst
     [plain] = parse_wishes(TOY, ["worst scenario reward >= 1"])
     assert Candidates(TOY, [PLAN]).value(plain, 0) == TOY.evaluate([PLAN])[0, 0]
+
+
+def test_a_table_of_plans_by_scenario():
+    table = by_scenario(THREE, [THREE.stay_home(), PLAN])
+    assert table["plan"].tolist() == [0] * 4 + [1] * 4
+    means = table[["reward", "survivors"]].mul(table["probability"], axis=0).groupby(table["plan"])
+    assert means.sum().to_numpy() == pytest.approx(THREE.evaluate([THREE.stay_home(), PLAN]))
+    assert table["scenario"].tolist() == [scenario.name for scenario in THREE.scenarios] * 2
+    with pytest.raises(ValueError, match="Expected a mission with scenarios"):
+        by_scenario(TOY, [PLAN])
+
+
+def test_from_a_route_graph_and_a_storm_to_a_plan_without_code(tmp_path):
+    graph = nx.convert_node_labels_to_integers(ZONED)
+    nx.set_node_attributes(graph, {v: [v, v % 2] for v in graph}, "pos")
+    save_mission(Mission(graph, base=0, robots=2), tmp_path / "site.geojson")
+    storm, out = "storm=0.2,factor=8,zone=east", str(tmp_path / "found")
+    given = ["--base", "0", "--robots", "2", "--scenario", storm, "--evaluations", "300"]
+    solved = run_botohe("solve", tmp_path / "site.geojson", *given, "--out", out)
+    assert "2 scenarios: storm 0.2, otherwise 0.8" in solved.out
+    wish = "worst scenario reward >= 0.5"
+    chosen = run_botohe("choose", out, wish, "--out", tmp_path / "plan.png").out
+    rows = [line.split() for line in chosen.splitlines() if line.startswith(("storm", "otherwise"))]
+    assert [row[:2] for row in rows] == [["storm", "0.200"], ["otherwise", "0.800"]]
+    assert float(rows[0][2]) >= 0.5
+    assert (tmp_path / "plan.png").exists()

@@ -12,6 +12,7 @@ from botohe_moo import Kind, Mission, load_mission
 TOY, MUSEUM = load_mission("toy"), load_mission("art_museum")
 MUSEUM_TRAILS = [[1, 2, 3, 5, 4, 2, 1], [1, 2, 21, 2, 1], [1]]
 MUSEUM_PLAN = MUSEUM.plan(MUSEUM_TRAILS)
+STORMY = TOY.with_scenarios(["storm=0.25,factor=3", "calm=0.5,factor=0.5"])
 TOY_PLANS = [
     TOY.plan([trail, [1]]) for trail in ([1], [1, 2, 1], [1, 2, 4, 2, 1], [1, 3, 2, 4, 2, 3, 1])
 ]

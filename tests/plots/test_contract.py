@@ -30,6 +30,7 @@ PICTURES = {
     "plot_replan": lambda draw, **own: draw(
         replan(TOY, TOY_PLANS[2], [Event("reached", 0, 4)], price=2), **own
     ),
+    "plot_scenarios": lambda draw, **own: draw(made.STORMY, TOY_PLANS[2], **own),
     "plot_pheromone": lambda draw, **own: draw(TOY, made.pheromone_of(TOY), **own),
     "plot_front": lambda draw, **own: draw([[7, 1]], TOY, bound=bound_front(TOY), **own),
     "plot_pairs": lambda draw, **own: draw(

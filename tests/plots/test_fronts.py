@@ -10,7 +10,7 @@ from botohe_moo.bounds import bound_front
 from botohe_moo.decide import wishes
 from botohe_moo.outcomes import reward_distribution, survivors_distribution
 from botohe_moo.plots.front import staircase
-from tests.plots import read
+from tests.plots import made, read
 from tests.plots.made import MUSEUM, MUSEUM_PLAN, TOY, TOY_PLANS
 
 
@@ -112,6 +112,25 @@ def test_the_old_plan_and_the_new():
     assert names == ["what is left of the plan", "the new plan"]
     assert "staying at 1: R1" in read.map_name(old)
     assert old.get_xlim() == new.get_xlim()
+
+
+def test_a_plan_in_each_scenario():
+    plan, scenarios = TOY_PLANS[2], made.STORMY.scenarios
+    ax = plots.plot_scenarios(made.STORMY, plan)
+    drawn = dict(zip(scenarios, read.maps_of(ax), strict=True))
+    for scenario, own in drawn.items():
+        one = made.STORMY.in_scenario(scenario.name)
+        reward, survivors = one.evaluate([plan])[0]
+        said = f"E[R] = {reward:.2f}, E[S] = {survivors:.2f}"
+        name = f"{scenario.name}, {scenario.probability:g}: {said}"
+        assert read.map_name(own).startswith(name)
+        assert read.arcs_drawn(TOY, own) == read.arcs_of(*plan.trails)
+    many = TOY.with_scenarios([f"number {i}={1 + (i > 1)}e-2" for i in range(30)])
+    ax = plots.plot_scenarios(many, plan)
+    assert len(read.maps_of(ax)) == 24
+    assert "the 24 most probable of 31 scenarios" in read.words(ax)
+    with pytest.raises(ValueError, match="Expected a mission with scenarios, got <Mission 'toy'"):
+        plots.plot_scenarios(TOY, plan)
 
 
 class TestOutcomes:

@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TextIO, get_origin
 import typer
 
 import botohe_moo as bm
+from botohe_moo.base.messages import counted, listed
 from botohe_moo.base.runtime import hold_signals
 
 if TYPE_CHECKING:
@@ -521,9 +522,11 @@ def plain(text: str) -> str:
 def brief(mission: bm.Mission, max_length: float | None) -> str:
     """Describe the size of a mission and the travel budget, if there is one, in a line."""
     limit = "" if max_length in (None, math.inf) else f", travel budget {max_length:g}"
+    found = listed(f"{one.name} {one.probability:g}" for one in mission.scenarios)
+    scenarios = f", {counted(len(mission.scenarios), 'scenario')}: {found}" if found else ""
     return (
         f"{len(mission.nodes)} nodes, {len(mission.graph.edges)} arcs, {mission.team}, "
-        f"total reward {mission.total_reward:g}{limit}"
+        f"total reward {mission.total_reward:g}{limit}{scenarios}"
     )
 
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from botohe_moo import underway
 
 REPLAN_PICTURE = "replan.png"
+_MOST_SCENARIOS = 10  # rows of a table
 
 
 def choose(
@@ -116,7 +117,8 @@ def _write_plan(
     """Write a plan, or draw it, as the suffix of the path says."""
     if path.suffix.lower() not in common.PICTURES:
         return decide.write_plan(mission, plan, path, altitude=altitude, vehicle=vehicle)
-    plots.save_plot(plots.plot_plan(mission, plan), path)
+    draw = plots.plot_scenarios if mission.scenarios else plots.plot_plan
+    plots.save_plot(draw(mission, plan), path)
     return (path,)
 
 
@@ -125,7 +127,20 @@ def tell_choice(mission: bm.Mission, choice: decide.Choice, folder: Path) -> Non
     title, *sentences = str(choice).split("\n")  # labels may hold other ends of lines
     tell("\n".join([title, *map(paragraph, sentences)]))
     tell(f"\n{trails_text(mission, choice.plan)}")
+    if mission.scenarios:
+        tell(f"\n{scenarios_text(mission, choice.plan)}")
     tell(f"\n`botohe explore {shlex.quote(str(folder))}` makes a page that shows it on the map.")
+
+
+def scenarios_text(mission: bm.Mission, plan: bm.TrailPlan) -> str:
+    """Write what is expected in up to ten scenarios, the least reward first."""
+    from botohe_moo import decide
+
+    table = decide.by_scenario(mission, [plan]).drop(columns="plan").sort_values("reward")
+    head = ("scenario", "probability", "expected reward", "expected survivors")
+    rows = [(name, *(f"{n:.3f}" for n in of)) for name, *of in table.to_numpy()[:_MOST_SCENARIOS]]
+    more = [("...", "", "", "")] if len(table) > _MOST_SCENARIOS else []
+    return common.table([head, *rows, *more], n_texts=1)
 
 
 def trails_text(mission: bm.Mission, plan: bm.TrailPlan) -> str:

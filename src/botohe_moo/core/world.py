@@ -246,7 +246,9 @@ def new_world(
     is_closed = bool((team.end[team.start] == team.start).all())
     forth, back = tail * n_nodes + head, head * n_nodes + tail
     found = np.minimum(np.searchsorted(forth, back), max(0, n_arcs - 1))
-    mean = survival[0] if len(survival) == 1 else probability @ survival
+    mean = survival[0]
+    if len(survival) > 1:  # of 1 in all scenarios, sums may be 1.0000000000000002
+        mean = np.clip(probability @ survival, math.ulp(0.0), 1.0)
     graph = Graph(
         first=np.concatenate([[0], np.cumsum(leaving)]),
         tail=tail,

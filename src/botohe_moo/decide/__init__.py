@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from botohe_moo.decide.fronts import neighbours as neighbours
     from botohe_moo.decide.fronts import representatives as representatives
     from botohe_moo.decide.fronts import survivor_price as survivor_price
+    from botohe_moo.decide.hazards import by_scenario as by_scenario
     from botohe_moo.decide.hazards import robustness as robustness
     from botohe_moo.decide.hazards import worst_case as worst_case
     from botohe_moo.decide.plan_files import nav2_files as nav2_files

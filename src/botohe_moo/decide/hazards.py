@@ -130,6 +130,56 @@ def _regrets(objectives: FloatArray) -> FloatArray:
     return regrets
 
 
+def by_scenario(mission: Mission, plans: Plans) -> pd.DataFrame:
+    """Compute what plans are expected to bring in each scenario.
+
+    Parameters
+    ----------
+    mission
+        A mission with scenarios.
+    plans
+        Its plans.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row for each plan and scenario: ``plan``, the row in ``plans``, ``scenario``, its
+        ``probability``, E[R] as ``reward`` and E[S] as ``survivors``.
+
+    Raises
+    ------
+    ValueError
+        If the mission has no scenarios, or there is no plan.
+    PlanError
+        If a plan is not valid for the mission.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.decide import by_scenario
+    >>> mission = load_mission("toy", scenarios=["storm=0.25,factor=3"])
+    >>> by_scenario(mission, [mission.plan([[1, 2, 4, 2, 1], [1]])]).round(2)
+       plan   scenario  probability  reward  survivors
+    0     0      storm         0.25    2.13       1.28
+    1     0  otherwise         0.75    3.24       1.66
+    """
+    import pandas as pd
+
+    if not check_mission(mission).scenarios:
+        raise ValueError(f"Expected a mission with scenarios, got {mission!r}.")
+    batch = mission.batch(plans)
+    objectives_of(mission, batch)  # checks them
+    values = np.stack([one.evaluate(batch) for _, one in mission.in_scenarios], axis=1)
+    n_plans, n_scenarios = values.shape[:2]
+    columns = {
+        "plan": np.repeat(np.arange(n_plans), n_scenarios),
+        "scenario": [scenario.name for scenario in mission.scenarios] * n_plans,
+        "probability": [scenario.probability for scenario in mission.scenarios] * n_plans,
+    }
+    columns |= dict(zip(("reward", "survivors"), values.reshape(-1, 2).T, strict=True))
+    return pd.DataFrame(columns)
+
+
 def worst_case(mission: Mission, plans: Plans, losses: int = 1) -> FloatArray:
     """Compute the least E[R] of plans over all sets of robots that never leave, (n_plans,).
 

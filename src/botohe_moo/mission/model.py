@@ -421,7 +421,7 @@ class Mission:
             **self._kind_traits(),
         }
         if self.scenarios:
-            traits["scenarios"] = ", ".join(f"{s.name} {s.probability:g}" for s in self.scenarios)
+            traits["scenarios"] = listed(f"{s.name} {s.probability:g}" for s in self.scenarios)
         if graph.n_arcs:
             traits["survival"] = f"{graph.survival.min():g} to {graph.survival.max():g}"
             if any("length" in arc for *_, arc in self.graph.edges(data=True)):

@@ -406,7 +406,7 @@ def with_marginals(
             found[kind.name] = _base_survival(wanted, fixed, factors) if wanted > 0.0 else 0.0
             if math.isnan(found[kind.name]):
                 raise ValueError(f"{whose(*arc)}: no hazard gives a mean survival of {wanted:g}")
-        of["survival"] = found if len(kinds) > 1 else found[kinds[0].name]
+        of["survival"] = found if len(kinds) > 1 or 0.0 in found.values() else min(found.values())
     return scaled
 
 

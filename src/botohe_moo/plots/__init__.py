@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from botohe_moo.plots.plan import plot_choices as plot_choices
     from botohe_moo.plots.plan import plot_plan as plot_plan
     from botohe_moo.plots.plan import plot_replan as plot_replan
+    from botohe_moo.plots.plan import plot_scenarios as plot_scenarios
     from botohe_moo.plots.style import save_figure as save_figure
     from botohe_moo.plots.style import save_plot as save_plot
     from botohe_moo.plots.style import theme as theme

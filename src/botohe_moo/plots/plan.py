@@ -245,12 +245,70 @@ def plot_replan(found: Replan, *, title: str | None = None) -> Axes:
     return axes[0]
 
 
+def plot_scenarios(mission: Mission, plan: TrailPlan, *, title: str | None = None) -> Axes:
+    """Draw a plan in each scenario: how dangerous arcs are in it, and what robots reach.
+
+    The darker a node, the more likely any robot reaches it in the scenario.
+
+    Parameters
+    ----------
+    mission
+        A mission with scenarios. Of more than 24 the most probable ones are drawn.
+    plan
+        A plan that is valid for it.
+    title
+        Name of the picture. Default: the mission's title.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+        The axes of the map of the first scenario.
+
+    Raises
+    ------
+    PlanError
+        If the mission does not allow ``plan``.
+    ValueError
+        If the mission has no scenarios.
+
+    Examples
+    --------
+    >>> from botohe_moo import load_mission
+    >>> from botohe_moo.plots import plot_scenarios, save_plot
+    >>> mission = load_mission("toy", scenarios=["storm=0.25,factor=3"])
+    >>> save_plot(plot_scenarios(mission, mission.plan([[1, 2, 4, 2, 1], [1]])), "scenarios.png")
+    """
+    if not check_mission(mission).scenarios:
+        raise ValueError(f"Expected a mission with scenarios, got {mission!r}.")
+    by_chance = sorted(mission.scenarios, key=lambda scenario: -scenario.probability)
+    scenarios = [one for one in mission.scenarios if one in by_chance[:_MOST_MAPS]]
+    drawn = [DrawnPlan(mission.in_scenario(scenario.name), plan) for scenario in scenarios]
+    safest = [one.site.safest for one in drawn]
+    notes = [objectives_text(*mission.evaluate([plan])[0])]
+    if len(scenarios) < len(by_chance):
+        notes.append(f"the {len(scenarios)} most probable of {len(by_chance)} scenarios")
+    with look.theme():
+        axes = _open_sheet(mission, len(drawn) - 1, 1)
+        span = Normalize(float(np.min(safest)), float(np.max(safest)))
+        for ax, one, scenario, survival in zip(axes, drawn, scenarios, safest, strict=True):
+            open_axes(mission, ax)
+            one.ground = np.asarray(look.SURVIVAL(span(survival)))
+            notes += [*one.draw_team(ax), *one.marks]
+            _name_map(ax, f"{scenario.name}, {scenario.probability:.3g}: {one.objectives}")
+        right = _add_reach_bar(axes)
+        maps.add_colour_bar(right, ScalarMappable(span, look.SURVIVAL), "survival", 1)
+        words = "; ".join(dict.fromkeys([*notes, *drawn[0].staying]))
+        title_above(axes[0], mission.title if title is None else title, words)
+    return axes[0]
+
+
 class DrawnPlan:
     """A plan with everything that maps show about it; errors are those of ``plot_plan``."""
 
     def __init__(self, mission: Mission, plan: TrailPlan) -> None:
         check_mission(mission)
         self.mission, self.site = mission, where.Site(mission)
+        self.ground: str | FloatArray = _GROUND  # colours of arcs
         self.objectives = objectives_text(*mission.evaluate([plan])[0])
         self.survival = mission.robot_survival([plan])[0]  # (n_robots,)
         self.reach = reach_probabilities(mission, plan)  # (n_robots, n_nodes)
@@ -309,7 +367,7 @@ class _PlanMap:
         self.is_legible = canvas.radius >= _LEGIBLE
         if self.is_legible:
             ground = canvas.curves(plan.site.tail, plan.site.head, bowed=False)
-            canvas.draw_lines(ground, colors=_GROUND, linewidths=0.9, zorder=1, label="_ground")
+            canvas.draw_lines(ground, colors=plan.ground, linewidths=0.9, zorder=1, label="_ground")
         else:
             self.notes.append("nodes and arcs off the trails are too small to draw")
         self.points = canvas.draw_trails(self.trails, self.styles)  # (n_passages, n_points, 2)
@@ -379,11 +437,12 @@ def _open_sheet(mission: Mission, n_small: int, span: int) -> list[Axes]:
     return [fig.add_subplot(cell) for cell in cells_of_maps]
 
 
-def _add_reach_bar(axes: Sequence[Axes]) -> None:
-    """Put the key of the nodes' shades right of the highest of the rightmost maps."""
+def _add_reach_bar(axes: Sequence[Axes]) -> Axes:
+    """Put the key of the nodes' shades right of the highest of the rightmost maps; return that."""
     ax = max(axes, key=lambda ax: (round(ax.get_position().x1, 6), ax.get_position().y1))
     shades = ScalarMappable(Normalize(0, 1), look.REACH)
     maps.add_colour_bar(ax, shades, "probability of being reached", 0)
+    return ax
 
 
 def _name_map(ax: Axes, text: str, style: RobotStyle | None = None) -> None:
