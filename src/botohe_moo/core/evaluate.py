@@ -13,7 +13,6 @@ from botohe_moo.core.walk import (
     new_visits,
     sort_trails,
     visit,
-    walk_on,
 )
 from botohe_moo.core.world import Graph, Returns, Team, World, find_arc
 
@@ -128,24 +127,33 @@ def _hop(graph: Graph, used: OffsetArray, trail: int, tail: int, head: int) -> t
 
 
 @helper
-def _walk_on(
+def _follow_on(
     graph: Graph,
     team: Team,
     returns: Returns | None,
     nodes: IntArray,
     robot: int,
     n: int,
+    alive: float,
     visits: Visits,
-    arcs: OffsetArray,
 ) -> tuple[int, float]:
-    """Walk the nodes of a trail in all scenarios but the first, as ``walk_on`` does.
+    """Walk the nodes of a trail in all scenarios but the first, in which a robot was ``alive``.
 
-    The first one is walked while faults are looked for. Were there only one loop for all scenarios,
-    a plan of a mission without any would take half as long again.
+    Returns the number of visits and the survival over all. The first scenario is walked while
+    faults are looked for: with one loop for all, a plan of a mission without scenarios would take
+    half as long again.
     """
-    for i in range(1, nodes.shape[0]):
-        arcs[i - 1] = find_arc(graph, int(nodes[i - 1]), int(nodes[i]))
-    return walk_on(graph, team, returns, arcs, nodes.shape[0] - 1, robot, 1, n, visits)
+    survival = graph.probability[0] * alive
+    for scenario in range(1, graph.probability.shape[0]):
+        alive = 1.0
+        n = begin_walk(graph, team, returns, robot, scenario, n, visits)
+        for i in range(1, nodes.shape[0]):
+            head = int(nodes[i])
+            alive *= graph.survival[scenario, find_arc(graph, int(nodes[i - 1]), head)]
+            n = visit(graph, team, returns, head, alive, scenario, n, visits)
+        end_walk(team, returns, robot, n, visits)
+        survival += graph.probability[scenario] * alive
+    return n, survival
 
 
 @inlined
@@ -158,13 +166,11 @@ def _follow(
     nodes: IntArray,
     offsets: OffsetArray,
     trail: int,
-    arcs: OffsetArray,
 ) -> tuple[float, float, int, int, int, int]:
     """Walk a trail up to its first fault, where the robot is lost, and list what it visits.
 
-    ``used`` is the last trail that used each arc; ``arcs`` is scratch. Returns the probability to
-    survive the trail, its length, the number of visits and of faults, and kind and position of the
-    first fault.
+    ``used`` is the last trail that used each arc. Returns the probability to survive the trail, its
+    length, the number of visits and of faults, and kind and position of the first fault.
     """
     robot = trail % team.start.shape[0]
     source = team.start[robot]
@@ -191,8 +197,7 @@ def _follow(
     end_walk(team, returns, robot, n, visits)
     if graph.probability.shape[0] > 1 and (position > 0 or kind == VALID):
         stretch = nodes[start : start + position if position > 0 else stop]
-        n, rest = _walk_on(graph, team, returns, stretch, robot, n, visits, arcs)
-        alive = graph.probability[0] * alive + rest
+        n, alive = _follow_on(graph, team, returns, stretch, robot, n, alive, visits)
     for i in range(start + max(1, position), stop if kind != VALID else 0):
         head = int(nodes[i])
         n_faults += _hop(graph, used, trail, node, head)[1] != VALID
@@ -237,8 +242,8 @@ def _evaluate(
     graph, team, values = shared(graph), shared(team), shared(values)
     n_robots = team.start.shape[0]
     order, used = np.empty(n_robots, np.int64), np.full(graph.head.shape[0], -1)
-    arcs, reached = np.empty(graph.head.shape[0], np.int64), new_reached(team.worth.shape[0])
     visits = new_visits(graph.reward.shape[0], graph.probability.shape[0])
+    reached = new_reached(team.worth.shape[0])
     for plan in range(values.objectives.shape[0]):
         for k in range(n_robots):
             order[k] = plan * n_robots + k
@@ -249,7 +254,7 @@ def _evaluate(
         for k in range(n_robots):
             trail, robot = order[k], order[k] - plan * n_robots
             alive, length, n, n_wrong, kind, at = _follow(
-                graph, team, returns, used, visits, nodes, offsets, trail, arcs
+                graph, team, returns, used, visits, nodes, offsets, trail
             )
             if strict and kind != VALID:
                 return kind, plan, robot, at

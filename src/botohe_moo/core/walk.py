@@ -141,41 +141,19 @@ def walk(
     none. Returns how many visits there are in all scenarios, and the survival, over all scenarios,
     and the length of the trail.
     """
-    length = 0.0
-    for i in range(n_arcs):
-        length += graph.length[arcs[i]]
-    n, survival = walk_on(graph, team, returns, arcs, n_arcs, robot, 0, 0, visits)
-    return n, survival, length
-
-
-@helper
-def walk_on(
-    graph: Graph,
-    team: Team,
-    returns: Returns | None,
-    arcs: IntArray | OffsetArray,
-    n_arcs: int,
-    robot: int,
-    first: int,
-    n: int,
-    visits: Visits,
-) -> tuple[int, float]:
-    """List what a robot visits in scenarios from ``first`` on, after ``n`` visits, as ``walk``.
-
-    Returns how many visits there are then, and the survival in these scenarios, each weighted by
-    its probability.
-    """
-    survival = 0.0
-    for scenario in range(first, graph.probability.shape[0]):
-        survivals, alive = graph.survival[scenario], 1.0
+    survival = length = 0.0
+    n = 0
+    for scenario in range(graph.probability.shape[0]):
+        survivals, alive, length = graph.survival[scenario], 1.0, 0.0
         n = begin_walk(graph, team, returns, robot, scenario, n, visits)
         for i in range(n_arcs):
             arc = arcs[i]
             alive *= survivals[arc]
+            length += graph.length[arc]
             n = visit(graph, team, returns, graph.head[arc], alive, scenario, n, visits)
         end_walk(team, returns, robot, n, visits)
         survival += graph.probability[scenario] * alive
-    return n, survival
+    return n, survival, length
 
 
 @inlined

@@ -86,7 +86,7 @@ def check_clean(found):
     work = found._work
     assert work.nodes["marginal"].tolist() == work.alone.tolist()
     n_nodes = found.world.graph.n_nodes
-    assert work.alone[-n_nodes:] == pytest.approx(found.world.graph.reward, rel=1e-14, abs=0)
+    assert work.alone[:n_nodes] == pytest.approx(found.world.graph.reward, rel=1e-14, abs=0)
     assert (work.nodes["unreached"] == -1.0).all()
     assert (work.nodes["met"] == NEVER).all()
     assert (work.nodes["later"] == 0.0).all()

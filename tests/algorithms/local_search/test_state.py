@@ -59,9 +59,9 @@ def assert_routes(mission, routes, goal, near=None):
     graph, backwards = mission.world.graph, whole_graph(mission).reverse()
     safest = nx.single_source_dijkstra_path_length(backwards, goal, weight="cost")
     n_known = graph.n_nodes if near is None else min(near, len(safest))
-    assert routes.n_known[0, goal] == n_known
-    entries = [state.route_entry(routes, 0, goal, node) for node in range(graph.n_nodes)]
-    row = routes.entries[0, goal]
+    assert routes.n_known[goal] == n_known
+    entries = [state.route_entry(routes, goal, node) for node in range(graph.n_nodes)]
+    row = routes.entries[goal]
     known = {node: entry for node, entry in enumerate(entries) if entry != state.UNKNOWN}
     assert len(known) == min(n_known, len(safest))
     farthest = max(safest[node] for node in known)
@@ -91,7 +91,7 @@ def test_rows_hold_the_safest_paths_and_on_larger_missions_those_from_near_nodes
         patch.setattr(state, "NEAR", near)
         routes = find_routes(mission.world)
     n_most = near if is_larger else n_nodes
-    assert (routes.entries.shape, routes.leaving.size == 0) == ((1, n_nodes, n_most), is_larger)
+    assert (routes.entries.shape, routes.leaving.size == 0) == ((n_nodes, n_most), is_larger)
     for goal in range(n_nodes):
         assert_routes(mission, routes, goal, near if is_larger and near < n_nodes else None)
 
@@ -118,13 +118,13 @@ def test_costs_and_lengths_of_the_cheapest_paths_there_and_back(mission, per_len
                 ((other, node), routes.coming, routes.coming_length),
             ):
                 least = costs[there[0]].get(there[1], state.FAR)
-                assert found[0, node, other] == pytest.approx(least, rel=1e-12, abs=1e-12)
+                assert found[node, other] == pytest.approx(least, rel=1e-12, abs=1e-12)
                 if per_length is None:
                     assert lengths.size == 0
                 elif least < state.FAR:
                     ways = best_ways(graph, *there, "cost")
                     possible = [nx.path_weight(graph, way, "length") for way in ways]
-                    length = pytest.approx(lengths[0, node, other], rel=1e-9, abs=1e-9)
+                    length = pytest.approx(lengths[node, other], rel=1e-9, abs=1e-9)
                     assert any(each == length for each in possible)
 
 

@@ -79,16 +79,17 @@ def _append_path(search: Search, node: int, goal: int) -> bool:
     """
     graph, routes, work = search.world.graph, search.routes, search.work
     is_end, table = goal == search.world.team.end[goal], work.draft.table
-    is_homeward = is_end and routes.entries.shape[2] < routes.entries.shape[1]
-    entry = 0 if is_homeward else state.route_entry(routes, table, goal, node)
+    is_homeward = is_end and routes.leaving.shape[0] == 0
+    entry = 0 if is_homeward else state.route_entry(routes, table + goal, node)
     if entry == state.UNKNOWN:
         return False
+    row = routes.entries[table + goal]
     while node != goal:
         if is_homeward:
             arc = search.world.ways.homeward[node]
         else:
-            arc = routes.entries[table, goal, entry].arc
-            entry = routes.entries[table, goal, entry].onward
+            arc = row[entry].arc
+            entry = row[entry].onward
         _append_arc(work, arc)
         node = graph.head[arc]
     return True
@@ -100,17 +101,14 @@ def _append_steps(graph: Graph, work: Workspace, node: int, n_steps: int) -> int
 
     Returns the node where they end. It stops early at a node where all arcs are used.
     """
-    sums = work.nodes.shape[0] - graph.reward.shape[0]
     for _ in range(n_steps):
         total = 0.0
         drawn = -1
         for arc in range(graph.first[node], graph.first[node + 1]):
             if _is_used(work, arc):
                 continue
-            head = graph.head[arc]
-            is_fresh = work.nodes[head].met > work.draft.prefix
-            is_fresh &= work.nodes[sums + head].marginal > 0.0
-            weight = _FRESH if is_fresh else 1.0
+            head = work.nodes[graph.head[arc]]
+            weight = _FRESH if head.marginal > 0.0 and head.met > work.draft.prefix else 1.0
             total += weight
             if uniform(work.states, 0) * total < weight:
                 drawn = arc
@@ -190,13 +188,13 @@ def write_child(work: Workspace) -> int:
 def evaluate_child(search: Search, returns: Returns | None) -> float:
     """Return what the robot collects by the child; −1 if the child cannot enter the front."""
     graph, limits, front, work = search.world.graph, search.world.limits, search.front, search.work
-    draft, nodes, n_nodes = work.draft, work.nodes, graph.reward.shape[0]
+    draft, nodes = work.draft, work.nodes
     draft.mark += 1
     mark, prefix, suffix, length = draft.mark, draft.prefix, draft.suffix, draft.length
     home, bound = 0.0, draft.others
     for scenario in range(graph.probability.shape[0]):
-        case, steps, first = work.cases[scenario], work.steps[scenario], scenario * n_nodes
-        survival, carried = graph.survival[scenario], 0.0
+        case, steps = work.cases[scenario], work.steps[scenario]
+        survival, carried, first = graph.survival[scenario], 0.0, case.first
         alive, gained = steps[prefix].alive, steps[prefix].gained
         if returns is not None:
             carried = work.loads[scenario, prefix].carried
@@ -227,11 +225,10 @@ def evaluate_child(search: Search, returns: Returns | None) -> float:
         return -1.0
     collected = 0.0
     for scenario in range(graph.probability.shape[0]):
-        case, steps, first = work.cases[scenario], work.steps[scenario], scenario * n_nodes
-        survival, alive = graph.survival[scenario], case.alive
-        gained, carried = case.gained, case.carried
+        case, steps = work.cases[scenario], work.steps[scenario]
+        alive, gained, carried, first = case.alive, case.gained, case.carried, case.first
         for i in range(suffix + 1, length + 1):
-            alive *= survival[steps[i - 1].arc]
+            alive *= steps[i].survival
             node, worth = nodes[first + steps[i].node], 0.0
             if node.met > prefix and node.seen != mark:
                 node.seen, worth = mark, node.marginal
@@ -246,10 +243,10 @@ def evaluate_trail(search: Search, trail: int) -> float:
     """Return what the robot collects by a stored trail; −1 if that child cannot enter the front."""
     worth, store, work = search.world.team.worth, search.store, search.work
     draft, nodes, taken = work.draft, work.nodes, store.trails[trail]
-    gained = 0.0
+    gained, shift = 0.0, work.cases[0].first
     for i in range(taken.first_visit, taken.first_visit + taken.n_visits):
         node = np.int64(store.node[i])  # of the mission: the share is part of the reach
-        gained += worth[node] * abs(nodes[node].unreached) * store.reach[i]
+        gained += worth[node] * abs(nodes[shift + node].unreached) * store.reach[i]
     needed = ordered.best_reward(
         search.front, (draft.survivors + taken.alive) * (1.0 - state.TOLERANCE)
     )
@@ -289,17 +286,17 @@ def _visit(search: Search, n_visits: int) -> bool:
 def _draw_visits(search: Search, n_visits: int) -> None:
     """Draw nodes to visit: any node, or one nearby of much marginal reward."""
     work = search.work
-    states, near = work.states, search.routes.near[work.draft.table]
+    states, near, nodes = work.states, search.routes.near, work.nodes
     node, n_near = work.steps[0, work.draft.prefix].node, near.shape[1]
-    sums = work.nodes.shape[0] - near.shape[0]
     for i in range(n_visits):
         if uniform(states, 0) >= _P_NEAR:
             node = work.draft.layer + below(states, search.world.team.reward.shape[0])
         else:
-            best = near[node, below(states, n_near)]
+            row = work.draft.table + node
+            best = near[row, below(states, n_near)]
             for _ in range(below(states, _MOST_COMPARED)):
-                other = near[node, below(states, n_near)]
-                if work.nodes[sums + other].marginal > work.nodes[sums + best].marginal:
+                other = near[row, below(states, n_near)]
+                if nodes[other].marginal > nodes[best].marginal:
                     best = other
             node = best
         work.goals[i] = node

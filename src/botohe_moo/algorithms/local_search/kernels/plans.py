@@ -65,8 +65,10 @@ def acquire_parent(search: Search, place: int) -> None:
 @inlined
 def draw_table(search: Search) -> None:
     """Draw the table of paths that the parent's children are made with."""
-    n_tables = search.routes.near.shape[0]
-    search.work.draft.table = below(search.work.states, n_tables) if n_tables > 1 else 0
+    n_nodes = search.world.graph.reward.shape[0]
+    n_tables = search.routes.near.shape[0] // n_nodes
+    drawn = below(search.work.states, n_tables) if n_tables > 1 else 0
+    search.work.draft.table = drawn * n_nodes
 
 
 @helper
@@ -80,7 +82,7 @@ def release_parent(search: Search) -> None:
 @helper
 def evaluate_others(world: World, store: TrailStore, work: Workspace) -> None:
     """Compute what the parent's other robots collect, and the marginal rewards that are left."""
-    draft, nodes, touched = work.draft, work.nodes, work.touched
+    draft, nodes, touched, first = work.draft, work.nodes, work.touched, work.cases[0].first
     draft.n_touched, draft.survivors, draft.others = 0, 0.0, 0.0
     draft.layer = layer_of(world.team, world.team.start[draft.robot])
     for k in range(work.parent.shape[0]):
@@ -89,22 +91,20 @@ def evaluate_others(world: World, store: TrailStore, work: Workspace) -> None:
         trail = store.trails[work.parent[k]]
         for i in range(trail.first_visit, trail.first_visit + trail.n_visits):
             index, reach = np.int64(store.node[i]), store.reach[i]
-            node = nodes[index]
+            node = nodes[first + index]
             if node.unreached < 0.0:
                 node.unreached = 1.0
-                touched[draft.n_touched] = index
+                touched[draft.n_touched] = first + index
                 draft.n_touched += 1
             # As a sum: small chances would lose their digits in the reward less what is left.
             draft.others += world.team.worth[index] * node.unreached * reach
             node.unreached *= 1.0 - reach
         draft.survivors += trail.alive
-    n_nodes = world.graph.reward.shape[0]
-    sums = nodes.shape[0] - n_nodes
     for i in range(draft.n_touched):
         index, unreached = draft.layer + touched[i], nodes[touched[i]].unreached
         nodes[index].marginal = work.alone[index] * unreached
-        if sums > 0:
-            node = nodes[sums + index % n_nodes]
+        if first > 0:
+            node = nodes[index % first]
             node.marginal = max(0.0, node.marginal - work.alone[index] * (1.0 - unreached))
     _load(world, work)
 
@@ -112,7 +112,7 @@ def evaluate_others(world: World, store: TrailStore, work: Workspace) -> None:
 @helper
 def _load(world: World, work: Workspace) -> None:
     """Note what changed robots carry from the start; on the way it counts no more."""
-    nodes, cases, n_nodes = work.nodes, work.cases, world.graph.reward.shape[0]
+    nodes, cases = work.nodes, work.cases
     for scenario in range(cases.shape[0]):
         cases[scenario].aboard = 0.0
     for k in range(work.parent.shape[0]):
@@ -120,9 +120,10 @@ def _load(world: World, work: Workspace) -> None:
         for i in range(first, stop):
             index = aboard_at(world.returns, work.draft.layer, i)
             for scenario in range(cases.shape[0]):
-                cases[scenario].aboard += nodes[scenario * n_nodes + index].marginal
-                nodes[scenario * n_nodes + index].marginal = 0.0
-            nodes[nodes.shape[0] - n_nodes + index].marginal = 0.0
+                node = nodes[cases[scenario].first + index]
+                cases[scenario].aboard += node.marginal
+                node.marginal = 0.0
+            nodes[index].marginal = 0.0
 
 
 @inlined
@@ -137,22 +138,20 @@ def _is_changed(work: Workspace, robot: int) -> bool:
 @helper
 def clear_others(world: World, work: Workspace) -> None:
     """Leave nodes as they were before ``evaluate_others``."""
-    draft, nodes = work.draft, work.nodes
-    n_nodes = world.graph.reward.shape[0]
-    sums = nodes.shape[0] - n_nodes
+    draft, nodes, shift = work.draft, work.nodes, work.cases[0].first
     for i in range(draft.n_touched):
         index = draft.layer + work.touched[i]
         nodes[index].marginal = work.alone[index]
         nodes[work.touched[i]].unreached = -1.0
-        if sums > 0:
-            nodes[sums + index % n_nodes].marginal = work.alone[sums + index % n_nodes]
+        if shift > 0:
+            nodes[index % shift].marginal = work.alone[index % shift]
     for k in range(work.parent.shape[0]):
         first, stop = aboard_of(world.returns, k) if _is_changed(work, k) else (0, 0)
         for i in range(first, stop):
             index = aboard_at(world.returns, draft.layer, i)
             while index < nodes.shape[0]:
                 nodes[index].marginal = work.alone[index]
-                index += n_nodes
+                index += world.graph.reward.shape[0]
 
 
 @helper
@@ -162,11 +161,11 @@ def lay_out(
     """Compute the steps of the trail that is to be changed; ``clear_trail`` undoes it."""
     start, length = store.trails[trail].first_arc, store.trails[trail].n_arcs
     work.draft.length = length
-    for i in range(length):
-        work.arcs[np.int64(store.arc[start + i])].position = i
     for scenario in range(work.cases.shape[0]):
         _lay_out(world, returns, store, work, start, scenario)
-        _look_ahead(world, returns, work, scenario)
+        _look_ahead(returns, work, scenario)
+    for i in range(length, -1, -1) if work.cases[0].first > 0 else range(0):
+        work.nodes[work.steps[0, i].node].met = i
 
 
 @inlined
@@ -180,7 +179,7 @@ def _lay_out(
 ) -> None:
     """Compute the steps in a scenario of a trail whose arcs begin at ``start``."""
     graph, steps, nodes = world.graph, work.steps[scenario], work.nodes
-    survival, first = graph.survival[scenario], scenario * graph.reward.shape[0]
+    survival, first = graph.survival[scenario], work.cases[scenario].first
     source = world.team.start[work.draft.robot]
     nodes[first + source].met = 0
     alive, walked, carried = 1.0, 0.0, work.cases[scenario].aboard
@@ -193,7 +192,10 @@ def _lay_out(
         arc = np.int64(store.arc[start + i])
         head, worth = graph.head[arc], 0.0
         steps[i].arc = arc
-        alive *= survival[arc]
+        work.arcs[arc].position = i
+        after = steps[i + 1]
+        after.survival = survival[arc]
+        alive *= after.survival
         walked += graph.length[arc]
         node = nodes[first + head]
         if node.met == state.NEVER:
@@ -201,7 +203,6 @@ def _lay_out(
         gained, carried = collect(returns, head, worth, alive, gained, carried)
         if returns is not None:
             work.loads[scenario, i + 1].carried = carried
-        after = steps[i + 1]
         after.node, after.alive, after.gained, after.walked = head, alive, gained, walked
 
 
@@ -229,13 +230,13 @@ def collect(
 
 
 @helper
-def _look_ahead(world: World, returns: Returns | None, work: Workspace, scenario: int) -> None:
+def _look_ahead(returns: Returns | None, work: Workspace, scenario: int) -> None:
     """Compute, backwards, what a robot that starts at each position would collect from there on.
 
     Where a node comes again later, only its earlier visit counts; both count where nobody gets.
     """
     steps, nodes, length = work.steps[scenario], work.nodes, work.draft.length
-    survivals, first = world.graph.survival[scenario], scenario * world.graph.reward.shape[0]
+    first = work.cases[scenario].first
     ahead, to_depot, home = 0.0, 0.0, 1.0
     steps[length].ahead, steps[length].home = ahead, home
     if returns is not None:
@@ -246,7 +247,7 @@ def _look_ahead(world: World, returns: Returns | None, work: Workspace, scenario
         if node.later > 0.0:
             ahead -= node.later / after.alive
         credit, worth = credit_of(returns, after.node), node.marginal
-        survival = survivals[steps[i].arc]
+        survival = after.survival
         if credit == AT_NEXT_DEPOT:
             worth *= to_depot
         node.later = worth * after.alive
@@ -261,14 +262,13 @@ def _look_ahead(world: World, returns: Returns | None, work: Workspace, scenario
 @helper
 def clear_trail(work: Workspace, n_nodes: int) -> None:
     """Leave the workspace as it was before ``lay_out``, on a graph of ``n_nodes`` nodes."""
-    nodes, steps, draft = work.nodes, work.steps[0], work.draft
-    for i in range(draft.length):
+    nodes, steps, length = work.nodes, work.steps[0], work.draft.length
+    for i in range(length):
         work.arcs[steps[i].arc].position = -1
-    for i in range(draft.length + 1):
-        node = steps[i].node
-        while node < nodes.shape[0]:
-            nodes[node].met, nodes[node].later = state.NEVER, 0.0
-            node += n_nodes
+    for first in range(0, nodes.shape[0], n_nodes):
+        for i in range(length + 1):
+            node = nodes[first + steps[i].node]
+            node.met, node.later = state.NEVER, 0.0
 
 
 @helper

@@ -265,11 +265,10 @@ def _list_stops(search: Search, which: int, source: int) -> int:
     """List the stops of a trail."""
     store, work, n = search.store, search.work, 0
     trail = store.trails[work.parent[work.chosen[which]]]
-    sums = work.nodes.shape[0] - search.world.graph.reward.shape[0]
     # In each scenario the trail visits the same nodes.
     for i in range(trail.first_visit, trail.first_visit + trail.n_visits // work.cases.shape[0]):
         node = work.draft.layer + np.int64(store.node[i])
-        if work.nodes[sums + node].marginal > 0.0 and node != source:
+        if work.nodes[node].marginal > 0.0 and node != source:
             work.goals[n] = node
             n += 1
     return n
@@ -281,10 +280,10 @@ def _set_leg(search: Search, number: int, before: int, after: int) -> None:
     leg, routes = search.work.legs[number], search.routes
     leg.before, leg.after = before, after
     table = search.work.draft.table
-    leg.cost, leg.length = routes.leaving[table, before, after], 0.0
+    leg.cost, leg.length = routes.leaving[table + before, after], 0.0
     leg.danger = leg.cost
     if routes.prices_length:
-        leg.length = routes.leaving_length[table, before, after]
+        leg.length = routes.leaving_length[table + before, after]
         leg.danger -= routes.per_length[before] * leg.length
     leg.survival = math.exp(-leg.danger)
     leg.cost += SHUFFLED * uniform(search.work.states, 0)
@@ -303,17 +302,16 @@ def _fill_tours(search: Search) -> None:
     cheapest = work.cheapest_leg[first:behind]
     noise = uniform(states, 0)
     floor, budget = limits.floors[work.chosen[0]], limits.budgets[work.chosen[0]]
-    sums = nodes.shape[0] - world.graph.reward.shape[0]
     is_squared = (floor > 0.0 or budget < np.inf) and uniform(states, 0) < P_SQUARED
     for node in range(first, behind):
         work.insertion_cost[node], worth[node] = np.inf, 0.0
-        marginal = nodes[sums + node].marginal
+        marginal = nodes[node].marginal
         if marginal > 0.0 and nodes[node].seen != draft.mark:
             worth[node] = marginal * (1.0 - noise * uniform(states, 0))
     for number in range(draft.n_legs):
         _update_insertion_costs(search, number)
     for which in range(draft.n_chosen):
-        _evaluate_tour(work, which, sums)
+        _evaluate_tour(work, which)
     while True:
         best = _find_best_node(search, is_squared)
         if best == NONE:
@@ -325,7 +323,7 @@ def _fill_tours(search: Search) -> None:
             cheapest[i] = UNKNOWN if cheapest[i] == number else cheapest[i]
         _update_insertion_costs(search, number)
         _update_insertion_costs(search, draft.n_legs - 1)
-        _evaluate_tour(work, legs[number].tour, sums)
+        _evaluate_tour(work, legs[number].tour)
 
 
 @helper
@@ -336,8 +334,8 @@ def _update_insertion_costs(search: Search, number: int) -> None:
     leg = work.legs[number]
     # The part of each array that belongs to the layer: indices that begin at 0 are faster.
     costs, cheapest = work.insertion_cost[first : first + n], work.cheapest_leg[first : first + n]
-    leaving = routes.leaving[work.draft.table, leg.before][first : first + n]
-    coming = routes.coming[work.draft.table, leg.after][first : first + n]
+    leaving = routes.leaving[work.draft.table + leg.before][first : first + n]
+    coming = routes.coming[work.draft.table + leg.after][first : first + n]
     leg_cost = leg.cost
     for node in range(n):
         cost = leaving[node] + coming[node] - leg_cost
@@ -347,11 +345,8 @@ def _update_insertion_costs(search: Search, number: int) -> None:
 
 
 @helper
-def _evaluate_tour(work: Workspace, which: int, sums: int) -> None:
-    """Compute with what probability each leg of a tour is begun, and what lies ahead of it.
-
-    ``sums`` is where nodes have the sums over all scenarios.
-    """
+def _evaluate_tour(work: Workspace, which: int) -> None:
+    """Compute with what probability each leg of a tour is begun, and what lies ahead of it."""
     legs, order = work.legs, work.order
     n, alive, number = 0, 1.0, work.first[which]
     while number != NONE:
@@ -365,7 +360,7 @@ def _evaluate_tour(work: Workspace, which: int, sums: int) -> None:
     for i in range(n - 1, -1, -1):
         leg = legs[order[i]]
         leg.ahead = ahead * leg.survival
-        ahead = leg.ahead + work.nodes[sums + leg.before].marginal
+        ahead = leg.ahead + work.nodes[leg.before].marginal
 
 
 @helper
@@ -391,11 +386,11 @@ def _find_best_node(search: Search, is_squared: bool) -> int:
         if cheapest[i] == UNKNOWN:
             _find_cheapest_leg(search, node)
         leg, cost = legs[cheapest[i]], max(costs[i], _LEAST_COST)
-        slack, way = work.slacks[leg.tour], routes.leaving[table, leg.before, node]
+        slack, way = work.slacks[leg.tour], routes.leaving[table + leg.before, node]
         danger = cost
         if routes.prices_length:
-            length = routes.leaving_length[table, leg.before, node]
-            longer = length + routes.coming_length[table, leg.after, node] - leg.length
+            length = routes.leaving_length[table + leg.before, node]
+            longer = length + routes.coming_length[table + leg.after, node] - leg.length
             if longer > slack.length:
                 continue
             way -= per_length * length
@@ -414,7 +409,7 @@ def _find_best_node(search: Search, is_squared: bool) -> int:
 def _find_cheapest_leg(search: Search, node: int) -> None:
     """Find the leg where inserting a node costs least."""
     routes, work, table = search.routes, search.work, search.work.draft.table
-    leaving, coming = routes.leaving[table, node], routes.coming[table, node]
+    leaving, coming = routes.leaving[table + node], routes.coming[table + node]
     least, cheapest = np.inf, 0
     for number in range(work.draft.n_legs):
         leg = work.legs[number]

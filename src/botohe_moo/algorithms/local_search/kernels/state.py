@@ -89,9 +89,12 @@ _DRAFT = np.dtype(
 )
 _STEP = np.dtype(
     [(name, np.int64) for name in ("arc", "node")]
-    + [(name, np.float64) for name in ("alive", "gained", "ahead", "home", "walked")]
+    + [(name, np.float64) for name in ("survival", "alive", "gained", "ahead", "home", "walked")]
 )
-_CASE = np.dtype([(name, np.float64) for name in ("alive", "gained", "carried", "aboard")])
+_CASE = np.dtype(
+    [(name, np.float64) for name in ("alive", "gained", "carried", "aboard")]
+    + [("first", np.int64)]
+)
 _LOAD = np.dtype([(name, np.float64) for name in ("carried", "to_depot")])
 _NODE = np.dtype(
     [(name, np.int64) for name in ("met", "seen")]
@@ -110,21 +113,20 @@ TALLY = np.dtype([(name, np.int64) for name in ("tried", "entered", "ticks")])
 class Routes(NamedTuple):
     """Cheapest paths, a row for every node where they lead to.
 
-    There may be several tables: by expected survivals, and by those of scenarios. Each parent's
-    children are made with one of them.
+    There may be several tables, one after another: by expected survivals, and by those of
+    scenarios. Each parent's children are made with one of them.
     """
 
-    n_known: OffsetArray  # entries in each row (n_tables, n_nodes)
+    n_known: OffsetArray  # entries in each row (n_tables · n_nodes)
     # Where a path begins (``source``, ascending along the known part of a row), its ``cost`` and
     # its ``length``, its first ``arc``, −1 at the goal itself, and the entry, in the same row, of
-    # that arc's head (``onward``; n_tables, n_nodes, n_entries).
+    # that arc's head (``onward``; n_tables · n_nodes, n_entries).
     entries: RecordArray
-    # Of each node, the others that are cheapest to reach (n_tables, n_nodes, n_near).
+    # Of each node, the others that are cheapest to reach (n_tables · n_nodes, n_near).
     near: OffsetArray
     # Costs of the cheapest paths from each node to all (``leaving``), and to it from all
-    # (``coming``), and the lengths of these paths (n_tables, n_nodes, n_nodes). Without travel
-    # budgets there
-    # are no lengths, and on missions of more than ``FULL_UP_TO`` nodes neither.
+    # (``coming``), and the lengths of these paths (n_tables · n_nodes, n_nodes). Without travel
+    # budgets there are no lengths, and on missions of more than ``FULL_UP_TO`` nodes neither.
     leaving: FloatArray
     coming: FloatArray
     leaving_length: FloatArray
@@ -142,29 +144,35 @@ def find_routes(worlds: Sequence[World], per_length: FloatArray) -> Routes:
     """
     first, n_tables = worlds[0], len(worlds)
     n_nodes, is_full = first.graph.n_nodes, first.graph.n_nodes <= FULL_UP_TO
-    n_known = np.zeros((n_tables, n_nodes), np.int64)
-    shape = n_tables, n_nodes, n_nodes if is_full else NEAR
+    n_known = np.zeros(n_tables * n_nodes, np.int64)
+    shape = n_tables * n_nodes, n_nodes if is_full else NEAR
     entries = np.empty(shape, _ENTRY).view(np.recarray)
     entries.cost, entries.length = FAR, 0.0
     nears = []
-    for world, known, found in zip(worlds, n_known, entries, strict=True):
+    parts = (np.split(of, n_tables) for of in (n_known, entries))
+    for world, known, found in zip(worlds, *parts, strict=True):
         nears.append(new_near(n_nodes, _N_NEIGHBOURS))
         used = np.zeros(world.graph.n_arcs, np.int64)  # every path may take all arcs
         _search_all(world.graph, new_paths(world), used, nears[-1], known, found)
-    none, prices_length = np.empty((n_tables, 0, 0)), first.limits.has_budgets
+    none, prices_length = np.empty((0, 0)), first.limits.has_budgets
     costs = entries["cost"].copy() if is_full else none
     lengths = entries["length"].copy() if is_full and prices_length else none
     return Routes(
         n_known=n_known,
         entries=entries,
-        near=np.stack([near.nodes for near in nears]),
-        leaving=costs.transpose(0, 2, 1).copy(),
+        near=np.concatenate([near.nodes for near in nears]),
+        leaving=_turned(costs, n_tables),
         coming=costs,
-        leaving_length=lengths.transpose(0, 2, 1).copy(),
+        leaving_length=_turned(lengths, n_tables),
         coming_length=lengths,
         per_length=per_length,
         prices_length=prices_length,
     )
+
+
+def _turned(costs: FloatArray, n_tables: int) -> FloatArray:
+    """Return tables with rows for where paths begin, of tables with rows for where they lead to."""
+    return np.concatenate([table.T.copy() for table in np.split(costs, n_tables)])
 
 
 @at_once(lambda graph, *_: 1e-5 * graph.n_nodes * graph.n_arcs)
@@ -208,19 +216,19 @@ def _fill_row(graph: Graph, paths: Paths, n: int, row: RecordArray) -> int:
 
 
 @helper
-def route_entry(routes: Routes, table: int, goal: int, node: int) -> int:
-    """Return the entry of the path from ``node`` in the row of a goal, or ``UNKNOWN``."""
-    row = routes.entries[table, goal]
-    if row.shape[0] == routes.entries.shape[1]:
+def route_entry(routes: Routes, goal: int, node: int) -> int:
+    """Return the entry of the path from ``node`` in a goal's row, or ``UNKNOWN``."""
+    row = routes.entries[goal]
+    if routes.leaving.shape[0] > 0:
         return node if row[node].cost < FAR else UNKNOWN
-    low, high = 0, routes.n_known[table, goal]
+    low, high = 0, routes.n_known[goal]
     while low < high:
         middle = (low + high) // 2
         if row[middle].source < node:
             low = middle + 1
         else:
             high = middle
-    known = low < routes.n_known[table, goal] and row[low].source == node
+    known = low < routes.n_known[goal] and row[low].source == node
     return low if known else UNKNOWN
 
 
@@ -254,37 +262,38 @@ class Workspace(NamedTuple):
     # Of each move, and last of ruin and recreate, how many children were ``tried``, how many plans
     # ``entered`` the front, and how many ticks of the processor's counter it took (n_moves + 1).
     tallies: RecordArray
-    # Of the parent: its ``place`` in the front, or the one next to its E[S] (``at``)
-    # once it has left; the ``robot`` that changes, and
-    # the first node of its kind's layer (``layer``); the ``table`` of paths; how much the others
-    # reach (``n_touched``), and their E[R] and E[S] (``others`` and ``survivors``). Of the trail:
-    # how many arcs it has (``length``). Of the child: how many arcs are kept from the trail's start
-    # (``prefix``), how many are new (``n_middle``), from which position the trail is kept to its
-    # end (``suffix``), how many goals there are (``n_goals``), and arcs in the piece (``n_piece``).
-    # Of a move: how many random steps it begins with (``n_steps``), and which stored trail it takes
-    # as a whole, or ``NOT_STORED`` (``adopted``). Of ruin and recreate: how many robots are changed
-    # (``n_chosen``), how many legs their tours have (``n_legs``), and what the parent (``value``)
-    # and a survivor (``slope``) are worth to a walk. And the last ``mark``.
+    # Of the parent: its ``place`` in the front, or the one next to its E[S] (``at``) once it has
+    # left; the ``robot`` that changes, and the first node of its kind's layer (``layer``); the
+    # first row of its ``table`` of paths; how much the others reach (``n_touched``), and their E[R]
+    # and E[S] (``others`` and ``survivors``). Of the trail: how many arcs it has (``length``). Of
+    # the child: how many arcs are kept from the trail's start (``prefix``), how many are new
+    # (``n_middle``), from which position the trail is kept to its end (``suffix``), how many goals
+    # there are (``n_goals``), and arcs in the piece (``n_piece``). Of a move: how many random steps
+    # it begins with (``n_steps``), and which stored trail it takes as a whole, or ``NOT_STORED``
+    # (``adopted``). Of ruin and recreate: how many robots are changed (``n_chosen``), how many legs
+    # their tours have (``n_legs``), and what the parent (``value``) and a survivor (``slope``) are
+    # worth to a walk. And the last ``mark``.
     draft: Record
     # In each scenario at each position of the trail (n_scenarios, n_arcs + 1) the ``node``, and the
-    # ``arc`` that leaves it; the probability to get there (``alive``); what was collected up to
-    # there (``gained``); what a robot that starts there would collect from there on, or more
-    # (``ahead``); the probability to get from there to the end (``home``); and how long the trail
-    # is up to there (``walked``).
+    # ``arc`` that leaves it; the probability to survive the arc that leads there (``survival``),
+    # and all arcs from the start (``alive``); what was collected up to there (``gained``); what a
+    # robot that starts there would collect from there on, or more (``ahead``); the probability to
+    # get from there to the end (``home``); and how long the trail is up to there (``walked``).
     steps: RecordArray
     # At each of these, with rewards on return, those that are ``carried``, and the probability to
     # get from there to the next depot (``to_depot``).
     loads: RecordArray
     # In each scenario: the reward that the robot carries from the start (``aboard``); and of a
     # child where its suffix begins, the probability to get there (``alive``), what it has
-    # ``gained``, and what it has ``carried`` there (n_scenarios).
+    # ``gained``, and what it has ``carried`` there; and the ``first`` of its ``nodes``
+    # (n_scenarios).
     cases: RecordArray
     # Of each node: its ``marginal`` reward, given the other robots' trails; the probability that
     # none of them collects it, −1 where none may (``unreached``); the position of the trail's first
     # visit, or ``NEVER`` (``met``); and scratch: the last mark (``seen``), and what a later visit
-    # gains (``later``). Node v in scenario s is at s · n_nodes + v, and rewards are weighted by the
-    # probabilities of scenarios; the last n_nodes have the sums over all. And what ``marginal`` is
-    # where no other robot collects anything (``alone``).
+    # gains (``later``). If there are several scenarios, the first n_nodes are what a robot expects
+    # over all of them; those of each scenario follow, with rewards weighted by its probability.
+    # And what ``marginal`` is where no other robot collects anything (``alone``).
     nodes: RecordArray
     alone: FloatArray
     # Of each arc, its ``position`` on the trail or −1; the ``mark`` of the last child that took it,
@@ -296,7 +305,7 @@ class Workspace(NamedTuple):
     # Nodes that a child visits between its prefix and its suffix, and arcs that it takes then.
     goals: OffsetArray
     piece: OffsetArray
-    touched: OffsetArray  # what the other robots reach, as ``Team.worth`` counts it
+    touched: OffsetArray  # which of ``nodes`` the other robots reach
     # Scratch of evaluations.
     visits: Visits
     reached: Reached
@@ -340,7 +349,6 @@ class Search(NamedTuple):
     """A search: the mission, the front and its trails, and what the kernels need beside these."""
 
     world: World  # with lengths in the costs of arcs, where there are travel budgets
-    # All tables, or for functions below ``with_table`` one of them.
     routes: Routes
     store: TrailStore
     front: OrderedFront
@@ -367,6 +375,8 @@ def new_workspace(
     nodes["marginal"], nodes["unreached"], nodes["met"] = alone, -1.0, NEVER
     arcs["position"] = -1
     n_steps = max(2, n_arcs + 1)  # two for ``_store_tour``
+    cases = np.zeros(n_scenarios, _CASE)
+    cases["first"] = np.arange(len(alone) - n_scenarios * n_nodes, len(alone), n_nodes)
     work = Workspace(
         memory=memory,
         waiting=waiting,
@@ -376,7 +386,7 @@ def new_workspace(
         draft=np.zeros(1, _DRAFT).view(np.recarray)[0],
         steps=np.zeros((n_scenarios, n_steps), _STEP).view(np.recarray),
         loads=np.zeros((n_scenarios, n_steps if on_return else 0), _LOAD).view(np.recarray),
-        cases=np.zeros(n_scenarios, _CASE).view(np.recarray),
+        cases=cases.view(np.recarray),
         nodes=nodes.view(np.recarray),
         alone=alone,
         arcs=arcs.view(np.recarray),
@@ -408,7 +418,7 @@ def _rewards_alone(world: World) -> FloatArray:
     team, n_nodes, n_scenarios = world.team, world.graph.n_nodes, world.graph.n_scenarios
     worth: FloatArray = team.worth.reshape(n_scenarios, n_nodes)
     by_scenario: FloatArray = worth[:, team.origin] * team.share
-    return by_scenario[0] if n_scenarios == 1 else np.append(by_scenario, by_scenario.sum(axis=0))
+    return by_scenario[0] if n_scenarios == 1 else np.append(by_scenario.sum(axis=0), by_scenario)
 
 
 def new_store(n_trails: int, n_arcs: int, n_visits: int) -> TrailStore:
