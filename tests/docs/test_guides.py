@@ -23,7 +23,7 @@ from tests.docs.guides import DOCS, GUIDES, NOTEBOOKS, ROOT, blocks, links, prin
 from tests.forked import ForkedSubprocess
 
 # Read from top to bottom in one session; every block of the others stands alone.
-SESSIONS = {"model", "studies", "tour", "under-way"}
+SESSIONS = {"model", "scenarios", "studies", "tour", "under-way"}
 # Blocks that are tables, by what they begin with: commands below them read these files.
 TABLES = {"label,": "nodes.csv", "tail,": "arcs.csv", "robot,": "events.csv"}
 # What takes long, and is as well shown with less. Bounds take the time that they are given.

@@ -19,6 +19,7 @@ from botohe_moo.mission.formats import reading
 from botohe_moo.mission.formats.graphs import mission_content, read_node_link
 from botohe_moo.mission.model import Mission, check_mission, numbers_digest
 from botohe_moo.mission.rules import MissionError, blamed_on
+from botohe_moo.mission.scenarios import Scenario
 
 PREFIX = "library:"  # of names of missions and selections of the library
 
@@ -110,6 +111,19 @@ def power_plant() -> Mission:
     Subterranean Challenge.
     """
     return _packaged("power_plant")
+
+
+def flooded_plant() -> Mission:
+    """The plant of ``power_plant``, of which one floor may be under water: who knows which?
+
+    With probability 0.3 it is the first, with 0.3 the second; hazards on its arcs are eight times
+    as large then. On average over these scenarios survivals are those of ``power_plant``.
+    """
+    water = [Scenario(f"water on floor {n}", 0.3, 8.0, f"floor {n}") for n in (1, 2)]
+    mission = power_plant().with_scenarios(water, keep_marginals=True)
+    graph = mission.graph.copy()
+    graph.graph["title"] = "Satsop nuclear power plant, of which a floor may be flooded"
+    return Mission(graph, scenarios=mission.scenarios, name="flooded_plant")
 
 
 def terrain_200() -> Mission:
