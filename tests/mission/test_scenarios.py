@@ -537,3 +537,14 @@ def test_from_a_route_graph_and_a_storm_to_a_plan_without_code(tmp_path):
     assert [row[:2] for row in rows] == [["storm", "0.200"], ["otherwise", "0.800"]]
     assert float(rows[0][2]) >= 0.5
     assert (tmp_path / "plan.png").exists()
+
+
+def test_the_flooded_plant_is_the_plant_on_average():
+    flooded, plant = load_mission("flooded_plant"), load_mission("power_plant")
+    assert [s.probability for s in flooded.scenarios] == pytest.approx([0.3, 0.3, 0.4])
+    means, usual = (one.world.graph.mean_survival for one in (flooded, plant))
+    assert means == pytest.approx(usual, abs=1e-9)
+    plan = solve(plant, evaluations=2_000, seed=1).plans[0]
+    wet = flooded.in_scenario("water on floor 2")
+    assert wet.evaluate([plan])[0, 1] < plant.evaluate([plan])[0, 1]
+    assert flooded.rewards.tolist() == plant.rewards.tolist()
