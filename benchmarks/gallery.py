@@ -17,9 +17,14 @@ def run(out: Path) -> bool:
         for code in re.findall(r"^```python\n(.*?)^```$", PAGE.read_text("utf-8"), re.M | re.S):
             exec(compile(code, PAGE.name, "exec"), {"__name__": "gallery"})
         shutil.rmtree("trial")
-    for path in sorted(out.glob("*.png")):
+    make_small(out)
+    return True
+
+
+def make_small(folder: Path) -> None:
+    """Make the pictures in a folder small."""
+    for path in sorted(folder.glob("*.png")):
         with Image.open(path) as picture:
             small = picture.convert("RGB")
         small.thumbnail((WIDEST, WIDEST))
         small.save(path, optimize=True)
-    return True

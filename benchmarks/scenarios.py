@@ -9,6 +9,7 @@ import networkx as nx
 import numpy as np
 import pandas as pd
 
+from benchmarks.gallery import make_small
 from botohe_moo import Mission, Scenario, area_indicator, load_mission, solve
 from botohe_moo.base.runtime import n_cpus
 from botohe_moo.base.types import FloatArray
@@ -76,6 +77,7 @@ def _draw(folder: Path) -> None:
         row = found.choose("survivors >= 1").index
         ax = plot_scenarios(mission, found.plans[row], title=TITLES[name])
         save_plot(ax, folder / f"{name}.png")
+    make_small(folder)
 
 
 def _areas(name: str, case: str, seed: int) -> tuple[float, float, float]:
