@@ -175,7 +175,7 @@ def prepared(mission, memory, least=0.0):
         patch.setattr(net_module, "_NEAREST", nearest)
         net = new_net(mission.limited(least))
         remembered = Remembered(net, n_bits)
-    return net, remembered, find_states(net, remembered.pack(), 100_000)
+    return net, remembered, find_states(net, remembered.pack(), 100_000, 1_000_000)
 
 
 def ahead_under(net, states, prices, mus, tolerance=1e-13, cap=np.inf):
@@ -515,11 +515,14 @@ def test_what_relaxed_trails_forget_in_a_piece(arcs, paid, expected):
 def test_too_many_states_are_none():
     net = new_net(_complete(5).world)
     memory = Remembered(net, 4).pack()  # all four rewards, which are few enough
-    n = len(find_states(net, memory, 10_000).node)
+    n = len(find_states(net, memory, 10_000, 100_000).node)
     # At each node itself is remembered, and any of the other three; at the base any of the four.
     assert n == 4 * 2**3 + 2**4
-    assert len(find_states(net, memory, n).node) == n
-    assert len(find_states(net, memory, n - 1).node) == 0
+    assert len(find_states(net, memory, n, 100_000).node) == n
+    assert len(find_states(net, memory, n - 1, 100_000).node) == 0
+    n_masks = int((1 << memory.n_bits).sum())
+    assert len(find_states(net, memory, n, n_masks).node) == n
+    assert len(find_states(net, memory, n, n_masks - 1).node) == 0
 
 
 def _complete(n_nodes):

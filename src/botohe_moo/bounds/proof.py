@@ -36,7 +36,8 @@ _EVALUATIONS = 100_000  # plans that the search for trails evaluates at most
 _LEAST_LEVELS, _MOST_LEVELS = 4, 12  # of prices
 _MOST_PRICES = 400  # of the linear programme
 _MOST_CONFIGURATIONS = 6_000  # of a team's levels, all of which are looked at for each node
-_LABELS_SHARE = 0.2  # of the memory
+_LABELS_SHARE, _MASKS_SHARE = 0.2, 0.2  # of the memory
+_BYTES_A_MASK = 4.0
 _BYTES_A_LINK = 40.0  # two integers of 8 bytes, a flag and a figure, and some while they are found
 _MIB = 2**20
 NOTE = "Robots are bounded as if each were the best of all kinds, and rewards counted on arrival."
@@ -84,10 +85,11 @@ class Proof:
             per_state *= MOST_SLOPES
         per_state += _BYTES_A_LINK * max(1.0, net.graph.n_arcs / net.graph.n_nodes)
         a_thread = self._memory / self._n_threads
-        fits = int((1.0 - _LABELS_SHARE) * a_thread / per_state)
+        fits = int((1.0 - _LABELS_SHARE - _MASKS_SHARE) * a_thread / per_state)
+        n_masks = int(_MASKS_SHARE * self._memory / _BYTES_A_MASK)
         n_labels = int(min(MOST_LABELS, _LABELS_SHARE * a_thread / BYTES_A_LABEL))
         given = net, n_bits, self._random_state, self.deadline
-        relaxation = Relaxation(*given, fits, n_labels)
+        relaxation = Relaxation(*given, fits, n_masks, n_labels)
         pool, robots = Pool(net, n_levels), self._mission.robots
         return Ground(relaxation, pool, robots, self._base_reward, self.unit, self.deadline)
 

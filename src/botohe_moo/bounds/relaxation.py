@@ -45,6 +45,7 @@ _ENOUGH = 1e-4  # of all reward: how far hulls may lie above what is true, nearl
 FIRST_BITS, _MOST_BITS = 14, 20  # that a node remembers at most, at first and in the end
 _FIRST_STATES = 15_000  # of relaxed trails at first
 _MOST_STATES = 40_000  # of relaxed trails that have learned what to remember
+_MOST_MASKS = 50_000_000  # of all nodes together
 _N_SEEN = 1 << 18  # sets of arcs that a depth-first search recognises when it meets them again
 # When relaxed trails remember more, there are at most so many states, or so many times as many.
 _FREE_STATES, _GROWTH = 4_000, 1.5
@@ -83,7 +84,8 @@ BoundLines: TypeAlias = Sequence[tuple[Ahead, FloatArray]]
 class Relaxation:
     """Relaxed trails of a mission, which remember ``n_bits`` of their own at each node, and learn.
 
-    There is room for as many of their states as ``fits`` says, and for ``n_labels`` labels.
+    There is room for as many of their states as ``fits`` says, for ``n_masks`` masks of bits, of
+    which each node has all, whether they are reached or not, and for ``n_labels`` labels.
     """
 
     def __init__(
@@ -93,9 +95,11 @@ class Relaxation:
         random_state: np.random.Generator,
         deadline: Deadline,
         fits: int,
+        n_masks: int,
         n_labels: int,
     ) -> None:
         self.net, self._deadline = net, deadline
+        self._n_masks = max(net.graph.n_nodes, min(_MOST_MASKS, n_masks))
         n_nodes = net.graph.n_nodes
         self._most_states = max(n_nodes + 1, min(_MOST_STATES, fits))
         # Whether there was too little memory to learn more.
@@ -116,7 +120,7 @@ class Relaxation:
 
     def _find_states(self, n_most: int) -> bool:
         """Find the states of what is remembered; return whether they are at most ``n_most``."""
-        states = find_states(self.net, self._remembered.pack(), n_most)
+        states = find_states(self.net, self._remembered.pack(), n_most, self._n_masks)
         if len(states.node):
             self.states = states
         return len(states.node) > 0

@@ -114,7 +114,7 @@ def power_plant() -> Mission:
 
 
 def flooded_plant() -> Mission:
-    """The plant of ``power_plant``, of which one floor may be under water: who knows which?
+    """The plant of ``power_plant``, of which one floor may be under water, nobody knows which.
 
     With probability 0.3 it is the first, with 0.3 the second; hazards on its arcs are eight times
     as large then. On average over these scenarios survivals are those of ``power_plant``.

@@ -25,9 +25,6 @@ from botohe_moo.core.world import CHECKING, Graph, World
 # allow, which multiply and add in another order.
 ROUNDING = 2 * CHECKING
 
-# Masks of all nodes together, whether they are reached or not: there is a number for each.
-MOST_MASKS = 50_000_000
-
 # Instead of a bit.
 NONE = -1
 NEVER = -2
@@ -132,8 +129,10 @@ def _n_links(pieces: Pieces, arc: int) -> int:
 
 
 @kernel
-def find_states(net: Net, memory: Memory, n_most: int) -> States:
-    """Find all states that are reached from the entries; none if there are over ``n_most``.
+def find_states(net: Net, memory: Memory, n_most: int, n_masks: int) -> States:
+    """Find all states that are reached from the entries.
+
+    There are none if they would be over ``n_most``, or masks of bits over ``n_masks``.
 
     Links of each state come by descending ratio of their arcs: those that stay above a level first.
     """
@@ -146,7 +145,7 @@ def find_states(net: Net, memory: Memory, n_most: int) -> States:
     offset = np.zeros(n_nodes + 1, np.int64)
     for i in range(n_nodes):
         offset[i + 1] = offset[i] + (1 << memory.n_bits[i])
-    if offset[n_nodes] > MOST_MASKS:
+    if offset[n_nodes] > n_masks:
         n_most = 0
         offset[n_nodes] = 1
     number = np.full(offset[n_nodes], -1, np.int32)
