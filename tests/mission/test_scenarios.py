@@ -2,6 +2,7 @@
 
 import warnings
 from collections import Counter
+from itertools import product
 from math import fsum
 
 import networkx as nx
@@ -548,3 +549,16 @@ def test_the_flooded_plant_is_the_plant_on_average():
     wet = flooded.in_scenario("water on floor 2")
     assert wet.evaluate([plan])[0, 1] < plant.evaluate([plan])[0, 1]
     assert flooded.rewards.tolist() == plant.rewards.tolist()
+
+
+@pytest.mark.slow
+@examples(60)
+@given(scenario_missions_with_plans(missions_with_plans(max_nodes=4, max_robots=2)))
+def test_local_search_finds_the_fronts_of_small_missions(case):
+    mission, _ = case
+    trails = twins.all_trails(mission)
+    assume(trails is not None and len(trails) ** mission.robots <= 20_000)
+    plans = mission.pack([list(team) for team in product(trails, repeat=mission.robots)])
+    best = area_indicator(mission.evaluate(plans), mission)
+    found = solve(mission, evaluations=10_000, seed=1)
+    assert area_indicator(found.objectives, mission) >= best - 0.002
