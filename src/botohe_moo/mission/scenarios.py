@@ -303,7 +303,7 @@ def independent_zones(
 
 
 def scenarios_from_samples(
-    graph: nx.DiGraph[Any],
+    graph: Any,
     counts: Mapping[Any, tuple[float, float]],
     *,
     by: str = "class",
@@ -320,7 +320,7 @@ def scenarios_from_samples(
     Parameters
     ----------
     graph
-        The graph of the mission. Arcs without a class, or of one without counts, keep their
+        An ``nx.DiGraph``, that of the mission. Arcs without a class, or of one without counts, keep their
         survivals.
     counts
         Class → (how many robots have crossed an arc of it, how many of these were lost).
