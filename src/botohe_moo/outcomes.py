@@ -731,6 +731,8 @@ def merged(
     """
     if reached is None:
         reached = np.empty((len(values), 0), np.uint64)
+    if len(values) == 0:  # all have underflown
+        return States(values, probabilities, reached)
     order = np.lexsort((values, *reached.T))
     values, reached = values[order], reached[order]
     differs = np.diff(values) > ROUNDING * values[1:]

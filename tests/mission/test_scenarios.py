@@ -2,6 +2,7 @@
 
 import warnings
 from collections import Counter
+from dataclasses import replace
 from itertools import product
 from math import fsum
 
@@ -17,6 +18,7 @@ from scipy import stats
 from botohe_moo import (
     BOTOHE,
     Event,
+    FrontBound,
     Kind,
     Mission,
     MissionError,
@@ -39,10 +41,12 @@ from botohe_moo import (
 from botohe_moo.algorithms import exact_front
 from botohe_moo.decide import by_scenario, parse_wishes, robustness
 from botohe_moo.decide.wishes import Candidates
+from botohe_moo.explorer.data import page_data
 from botohe_moo.outcomes import collect_probabilities, reach_probabilities, simulate
-from botohe_moo.underway import EventError, under_way
+from botohe_moo.underway import under_way
 from tests import twins
 from tests.commands import run_botohe
+from tests.decide.made import solution_of
 from tests.examples import examples
 from tests.strategies import missions_with_plans, scenario_missions_with_plans
 
@@ -267,9 +271,11 @@ def test_what_robots_have_survived_says_which_scenario_is_true():
     assert {s.name: s.probability for s in lost.scenarios} == pytest.approx(
         {name: chance / total for name, chance in chances.items()}
     )
-    sure = Mission(TOY.graph, scenarios=[Scenario("sure", 1.0, survival={(1, 2): 1.0})])
-    with pytest.raises(EventError, match="No scenario of mission 'toy' allows these events"):
-        sure.after(PLAN, [Event("lost", 0, 2)])
+    # Where no scenario allows it, nothing is learned.
+    sure = Mission(TOY.graph, scenarios=[Scenario("sure", 0.5, survival={(1, 2): 1.0})])
+    sure = sure.with_scenarios([replace(s, survival={(1, 2): 1.0}) for s in sure.scenarios])
+    rest = sure.after(PLAN, [Event("lost", 0, 2)])
+    assert [s.probability for s in rest.scenarios] == [0.5, 0.5]
     assert "storm 0.2" in str(replan(THREE, PLAN, [Event("reached", 0, 2)], price=1))
 
 
@@ -562,3 +568,116 @@ def test_local_search_finds_the_fronts_of_small_missions(case):
     best = area_indicator(mission.evaluate(plans), mission)
     found = solve(mission, evaluations=10_000, seed=1)
     assert area_indicator(found.objectives, mission) >= best - 0.002
+
+
+def test_a_floor_that_the_rest_of_a_plan_cannot_keep_any_more_is_lowered():
+    """What has happened shows that there is a storm: a search from such a plan once crashed."""
+    graph = nx.DiGraph([(0, 1), (1, 0), (1, 2), (2, 1), (0, 2), (2, 0), (2, 3), (3, 2)])
+    nx.set_node_attributes(graph, 1.0, "reward")
+    nx.set_edge_attributes(graph, 0.99, "survival")
+    storm = Scenario("storm", 0.2, factor=60)
+    team = [Kind("boat", 3, min_survival=0.6)]
+    mission = Mission(graph, base=0, kinds=team, scenarios=[storm])
+    plan = mission.plan([[0, 1, 2, 3, 2, 0], [0, 2, 0], [0, 2, 1, 0]])
+    events = [Event("reached", 0, 1), Event("lost", 1, 2), Event("lost", 2, 2)]
+    found = replan(mission, plan, events, evaluations=500, seed=1)
+    [kind] = found.left.mission.kinds
+    [alive] = found.left.mission.robot_survival([found.left.plan])[0]
+    assert alive < 0.1
+    assert kind.min_survival == alive
+    assert found.left.mission.robot_survival([found.plan])[0, 0] >= alive * (1 - 1e-12)
+
+
+def test_probabilities_sum_to_one_everywhere():
+    thirds = [Scenario(f"number {i}", 0.333333333, factor=i) for i in (1, 2, 3)]
+    mission = Mission(TOY.graph, scenarios=thirds)
+    assert fsum(s.probability for s in mission.scenarios) == pytest.approx(1.0, abs=1e-15)
+    means = sum(p * one.evaluate([PLAN])[0] for p, one in mission.in_scenarios)
+    assert means == pytest.approx(mission.evaluate([PLAN])[0], rel=1e-14)
+    [sure] = Mission(TOY.graph, scenarios=[Scenario("sure", 1)]).scenarios
+    assert (type(sure.probability), sure.probability) == (float, 1.0)
+
+
+def test_what_is_aboard_may_pay_in_one_scenario_only():
+    graph = TOY.graph.copy()
+    graph.nodes[4]["reward"] = 0.0
+    found = Mission(
+        graph,
+        kinds=[Kind("truck", 1, aboard=(4,))],
+        pays="return",
+        scenarios=[Scenario("rich", 0.5, reward={4: 10.0})],
+    )
+    plan = found.plan([[1, 2, 1]])
+    expected = sum(p * one.evaluate([plan])[0] for p, one in found.in_scenarios)
+    assert found.evaluate([plan])[0] == pytest.approx(expected)
+    assert expected[0] > 4.0
+    with pytest.raises(ValueError, match="carry something from the start"):
+        bound_front(found)
+
+
+def test_arcs_that_are_closed_in_all_scenarios_are_no_arcs():
+    shut = Mission(TOY.graph, scenarios=[Scenario("shut", 1.0, survival={(2, 4): 0.0})])
+    alone = shut.in_scenario("shut")
+    assert shut.world.graph.n_arcs == alone.world.graph.n_arcs == 11
+    data = page_data(solution_of(shut, [shut.plan([[1, 3, 1], [1]])]))
+    assert len(data["arc_survival"][0][0]) == len(data["arcs"][0]) == 11
+
+
+def test_a_mission_keeps_its_own_scenarios():
+    survival = {(1, 2): 0.5}
+    mission = Mission(TOY.graph, scenarios=[Scenario("storm", 0.5, survival=survival)])
+    before = mission.evaluate([PLAN]).tolist()
+    survival[1, 2] = 1.0
+    assert np.dot([0.5, 0.5], [one.evaluate([PLAN])[0] for _, one in mission.in_scenarios]) == (
+        pytest.approx(before[0])
+    )
+    assert {hash(scenario) for scenario in mission.scenarios}
+
+
+def test_scenarios_that_were_taken_away_are_not_saved(tmp_path):
+    graph = TOY.graph.copy()
+    graph.graph["scenarios"] = [STORM]
+    none = Mission(graph).with_scenarios([])
+    save_mission(none, tmp_path / "none.json")
+    assert load_mission(tmp_path / "none.json").scenarios == ()
+    several = Mission(ZONED, scenarios=[Scenario("flood", 0.5, 2, {"west", "east"})])
+    save_mission(several, tmp_path / "several.json")
+    assert load_mission(tmp_path / "several.json").scenarios == several.scenarios
+
+
+def test_outcomes_where_nobody_gets_to_a_node_with_a_share():
+    graph = TOY.graph.copy()
+    graph.nodes[4]["share"] = 0.5
+    mission = Mission(graph, scenarios=[Scenario("trap", 0.5, survival={(2, 4): 0.0})])
+    found = plan_outcomes(mission, PLAN).reward
+    assert found.mean == pytest.approx(mission.evaluate([PLAN])[0, 0])
+
+
+def test_bounds_fall_with_survivors_and_are_kept_in_files(tmp_path):
+    kinds = [Kind("boat", 2, start=1, end=2)]
+    mission = Mission(TOY.graph, kinds=kinds, scenarios=[STORM])
+    bound = bound_front(mission, time_limit=4)
+    bound.save(tmp_path / "bound.json")
+    assert FrontBound.load(tmp_path / "bound.json", mission).bound([0.5]) == bound.bound([0.5])
+    most = bound_front(THREE, time_limit=4).bound([0.0, 1.0, 1.5])
+    assert most[0] > most[1] > most[2]
+
+
+def test_more_that_is_refused():
+    with pytest.raises(MissionError, match="expected zone to be a text, or several"):
+        Mission(ZONED, scenarios=[Scenario("flood", 0.5, 2, iter(["east"]))])
+    with pytest.raises(MissionError, match="a kind of robots has this name"):
+        Mission(TOY.graph, kinds=[Kind("boat", 1)], scenarios=[Scenario("boat", 0.5)])
+    with pytest.raises(ValueError, match="Mission 'toy' has no scenarios"):
+        TOY.in_scenario("storm")
+    graph = TOY.graph.copy()
+    for wrong in (5, "storm", {"name": "storm"}):
+        graph.graph["scenarios"] = wrong
+        with pytest.raises(MissionError, match="expected scenarios to be a list"):
+            Mission(graph)
+    with pytest.raises(ValueError, match="counts of at least one class"):
+        scenarios_from_samples(TOY.graph, {})
+    with pytest.raises(ValueError, match="crossings and losses of 'hall', two numbers"):
+        scenarios_from_samples(TOY.graph, {"hall": 5})
+    with pytest.raises(ValueError, match="factor"):
+        independent_zones({"east": 0.5}, factor=-1)

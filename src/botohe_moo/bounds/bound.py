@@ -30,6 +30,8 @@ from botohe_moo.objectives import check_objectives
 TIME_LIMIT = 60.0
 MEMORY_LIMIT = 1024.0
 MOST_ROBOTS = 5_000
+# Prices of survivors at which they are added up, beside their own: shares of all reward by robot.
+_SLOPES = np.geomspace(0.125, 32.0, 17)
 _SAMPLES = 2_000  # of E[S], where the bounds of scenarios are added up
 _OF_SCENARIOS = "Each scenario is bounded as if plans could be made for it alone."
 
@@ -127,6 +129,7 @@ def bound_front(
         bound = _over_scenarios(
             mission,
             time_limit=time_limit / len(mission.scenarios),
+            min_survival=min_survival,
             memory_limit=memory_limit,
             n_threads=n_threads,
             max_length=max_length,
@@ -161,7 +164,7 @@ def bound_front(
     return bound
 
 
-def _over_scenarios(mission: Mission, **options: Any) -> FrontBound:
+def _over_scenarios(mission: Mission, *, min_survival: float, **options: Any) -> FrontBound:
     """Bound the front of a mission with scenarios by the bounds B_s of each.
 
     For each number j of robots that move, and each price mu of survivors,
@@ -177,24 +180,25 @@ def _over_scenarios(mission: Mission, **options: Any) -> FrontBound:
         case = Mission(one.graph, base=one.base, kinds=kinds, pays=one.pays, name=one.name)
         found.append((probability, bound_front(case, **options)))
     lines = []
+    slopes = _SLOPES * mission.total_reward / robots
     for moving in range(1, robots + 1):
         x = np.linspace(0.0, moving, _SAMPLES + 1)
-        heights = [bound.by_robots(x[:-1] + robots - moving)[moving] for _, bound in found]
+        heights = [bound.where(moving, x[:-1] + robots - moving) for _, bound in found]
         lines_of = [line for _, bound in found for line in bound.lines if line.n_robots == moving]
-        for mu in sorted({line.mu for line in lines_of}):
+        for mu in sorted({0.0, *slopes.tolist(), *(line.mu for line in lines_of)}):
             most = math.fsum(
                 p * float((height + mu * x[1:]).max())
                 for (p, _), height in zip(found, heights, strict=True)
             )
-            if math.isfinite(most):
-                lines.append(Line(moving, most * (1.0 + 1e-12), mu, "relaxed"))
+            # Where no plan lets so few robots move, any line holds.
+            lines.append(Line(moving, max(most * (1.0 + 1e-12), 0.0), mu, "relaxed"))
     bounds = [bound for _, bound in found]
     return FrontBound(
         mission=mission,
         lines=tuple(lines),
         steps=(),
-        most_survival=max(bound.most_survival for bound in bounds),
-        min_survival=0.0,
+        most_survival=min(1.0, math.fsum(p * bound.most_survival for p, bound in found) + 1e-12),
+        min_survival=min(max(min_survival, kind.min_survival) for kind in mission.kinds),
         max_length=bounds[0].max_length,
         seconds=sum(bound.seconds for bound in bounds),
         notes=(*dict.fromkeys(note for bound in bounds for note in bound.notes), _OF_SCENARIOS),
@@ -207,8 +211,8 @@ def check_boundable(mission: Mission, who: str) -> None:
     What is carried from the start may pay although nobody gets to its node, which the relaxation
     would miss.
     """
-    rewards = mission.graph.nodes(data="reward")
-    carrying = [quoted(k.name) for k in mission.kinds if any(rewards[v] for v in k.aboard)]
+    paid = {node for node, reward in zip(mission.nodes, mission.rewards, strict=True) if reward}
+    carrying = [quoted(kind.name) for kind in mission.kinds if paid & {*kind.aboard}]
     if carrying:
         raise ValueError(
             f"{who} does not support mission {quoted(mission.name)}, in which robots carry "

@@ -257,7 +257,7 @@ class FrontBound:
         given = _without_nan(survivors)
         bounds = np.full(given.shape, -np.inf)
         for moving in range(self.mission.robots + 1):
-            np.maximum(bounds, self._bound_where(moving, given), out=bounds)
+            np.maximum(bounds, self.where(moving, given), out=bounds)
         return float(bounds) if given.ndim == 0 else bounds
 
     def by_robots(self, survivors: ArrayLike) -> FloatArray:
@@ -269,10 +269,10 @@ class FrontBound:
             E[S], of any shape, as for :meth:`bound`.
         """
         given = _without_nan(survivors)
-        return np.stack([self._bound_where(n, given) for n in range(self.mission.robots + 1)])
+        return np.stack([self.where(n, given) for n in range(self.mission.robots + 1)])
 
     @_OVERFLOW
-    def _bound_where(self, moving: int, survivors: FloatArray) -> FloatArray:
+    def where(self, moving: int, survivors: FloatArray) -> FloatArray:
         """Bound E[R] of plans in which a number of robots move."""
         n_robots, mission = self.mission.robots, self.mission
         bounds = np.full(survivors.shape, -np.inf)

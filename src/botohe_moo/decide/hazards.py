@@ -232,16 +232,17 @@ def worst_loss(mission: Mission, plan: TrailPlan, losses: int) -> float:
     # Of each robot, if it follows its trail, and if it never leaves.
     plans = plan, TrailPlan(trail[:1] for trail in plan.trails)
     size, worst = mission.robots * len(mission.nodes), np.inf
+    cases = []
+    with np.errstate(divide="ignore"):
+        for probability, case in mission.in_scenarios:
+            both = [np.maximum(np.log(1 - collected(case, of)), _LOG_OF_ZERO) for of in plans]
+            cases.append((*both, probability * case.rewards))
     for some in np.array_split(sets, -(-len(sets) * size // _CELLS)):
         lost, rewards = np.zeros((len(some), mission.robots)), np.zeros(len(some))
         np.put_along_axis(lost, some, 1.0, axis=1)
-        for probability, case in mission.in_scenarios:
-            with np.errstate(divide="ignore"):
-                logs, logs_at_start = (
-                    np.maximum(np.log(1 - collected(case, of)), _LOG_OF_ZERO) for of in plans
-                )
+        for logs, logs_at_start, worth in cases:
             by_nobody = np.exp((1 - lost) @ logs + lost @ logs_at_start)
-            rewards += probability * ((1 - by_nobody) @ case.rewards)
+            rewards += (1 - by_nobody) @ worth
         worst = min(worst, float(rewards.min()))
     return worst
 

@@ -204,7 +204,8 @@ def plan_geojson(mission: Mission, plan: TrailPlan) -> str:
         known = {name: column[robot] for name, column in robots.items()}
         features.append(_feature(shape, at, known | {"nodes": [*map(plain_label, trail)]}))
     for node in visited:
-        i, pays = mission.index(node), float(mission.graph.nodes[node]["reward"])
+        i = mission.index(node)
+        pays = float(mission.rewards[i])
         known = {"node": plain_label(node), "reward": pays}
         known |= {"reached": reached[i], "collected": collected[i]}
         features.append(_feature("Point", places[node], known))

@@ -196,7 +196,6 @@ class Mission:
         reward = np.array([node["reward"] for node in nodes], np.float64)
         share = np.array([rules.by_kind(node.get("share", 1.0), kinds) for node in nodes])
         ends = np.array([[index_of[label] for label in kind.ends(base)] for kind in kinds])
-        aboard = [[index_of[v] for v in kind.aboard if reward[index_of[v]] > 0.0] for kind in kinds]
         probability, worth = np.ones(1), reward[None]
         if self.scenarios:
             probability = np.array([scenario.probability for scenario in self.scenarios])
@@ -205,7 +204,13 @@ class Mission:
                 self, [(self.nodes[u], self.nodes[v]) for u, v, _ in arcs]
             )
             reward = np.where((worth == reward).all(axis=0), reward, probability @ worth)
+        aboard = [[index_of[v] for v in kind.aboard if reward[index_of[v]] > 0.0] for kind in kinds]
         taken = survival.max(axis=0) > 0.0
+        # Arcs that are closed in all scenarios, each with a kind.
+        self._closed = {
+            (self.nodes[tail[arc]], self.nodes[head[arc]], kinds[k].name)
+            for arc, k in np.argwhere(~taken).tolist()
+        }
         for k, (start, end) in enumerate(ends.tolist()):
             forth = tail[taken[:, k]], head[taken[:, k]]
             is_open = worlds.leading(*forth, [end], n) & worlds.leading(*forth[::-1], [start], n)
@@ -266,13 +271,18 @@ class Mission:
         True
         """
         names = [scenario.name for scenario in self.scenarios]
+        if not names:
+            raise ValueError(f"Mission {quoted(self.name)} has no scenarios, got {quoted(name)}.")
         check_choice("scenario", name, names)
         scenario, graph = self.scenarios[names.index(name)], self.graph.copy()
         graph.graph.pop("scenarios", None)
         for tail, head, of in graph.edges(data=True):
             numbers = survivals_in(scenario, graph, (tail, head), self.kinds)
-            least = [max(n, math.ulp(0)) if m > 0.0 else 0.0 for n, m in numbers]
-            by = dict(zip((kind.name for kind in self.kinds), least, strict=True))
+            by = {
+                kind.name: max(n, 0.0 if (tail, head, kind.name) in self._closed else math.ulp(0))
+                for kind, (n, m) in zip(self.kinds, numbers, strict=True)
+            }
+            least = [*by.values()]
             of["survival"] = by if len(by) > 1 or 0.0 in least else least[0]
         nx.set_node_attributes(graph, dict(scenario.reward), "reward")
         return self._derive(graph, self.kinds)

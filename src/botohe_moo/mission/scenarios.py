@@ -6,7 +6,7 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from itertools import product
 from typing import Any
 
@@ -14,7 +14,7 @@ import networkx as nx
 import numpy as np
 
 from botohe_moo.base.messages import most_alike, quoted
-from botohe_moo.base.parameters import NotNegative, Probability, check
+from botohe_moo.base.parameters import NotNegative, Positive, Probability, check
 from botohe_moo.base.types import FloatArray
 from botohe_moo.mission.rules import (
     BY_KIND,
@@ -55,7 +55,8 @@ class Scenario:
         a node is says its attribute ``zone``. Default: for all arcs.
     survival
         Survivals in [0, 1] of some arcs, each by its tail and head: (tail, head) → a number, or a
-        mapping from kinds to numbers. 0 closes the arc. The factor does not count there.
+        mapping from kinds to numbers. 0 closes the arc; one that the graph closes stays closed. The
+        factor does not count there.
     reward
         Rewards of some nodes, at least 0: node → number.
 
@@ -75,11 +76,12 @@ class Scenario:
     name: str
     probability: float
     factor: float = 1.0
-    zone: str | Collection[str] | None = None
+    zone: str | Collection[str] | None = field(default=None, hash=False)
     survival: Mapping[tuple[Hashable, Hashable], Any] = field(default_factory=dict, hash=False)
     reward: Mapping[Hashable, float] = field(default_factory=dict, hash=False)
 
 
+_ROUNDING = 1e-14  # of the sum of probabilities
 _SUMS = 1e-9  # by how much the probabilities of scenarios may differ from 1
 _OF_SCENARIOS: Rules = {
     "probability": ("probability in (0, 1]", within(math.ulp(0), 1), None),
@@ -103,7 +105,8 @@ def read_scenarios(scenarios: Any, find: Callable[[Any], Any]) -> Any:
     for given in scenarios:
         own = dict(given) if isinstance(given, Mapping) else given
         if isinstance(own, str):
-            first, *others = (part.partition("=")[::2] for part in own.split(","))
+            parts = (part.partition("=")[::2] for part in own.split(","))
+            first, *others = ((name.strip(), value.strip()) for name, value in parts)
             own = {"name": first[0], "probability": first[1], **dict(others)}
             if "+" in own.get("zone", ""):
                 own["zone"] = own["zone"].split("+")
@@ -121,21 +124,27 @@ def read_scenarios(scenarios: Any, find: Callable[[Any], Any]) -> Any:
     return found
 
 
-def names_of(scenarios: Any) -> list[Any]:
+def names_of(scenarios: Any) -> list[str]:
     """Return the names of scenarios, as far as they have the form of any."""
     given = scenarios if isinstance(scenarios, list) else []
     of_each = [vars(one) if isinstance(one, Scenario) else one for one in given]
-    return [of["name"] for of in of_each if isinstance(of, Mapping) and "name" in of]
+    names = [of.get("name") for of in of_each if isinstance(of, Mapping)]
+    return [name for name in names if isinstance(name, str)]
 
 
 def with_survivals(
-    scenarios: Iterable[Any], survivals: Mapping[Any, Mapping[Any, Any]], graph: nx.DiGraph[Any]
-) -> list[Any]:
-    """Return scenarios with survivals of arcs of a graph, by names of scenarios; their own hold."""
+    scenarios: Any, survivals: Mapping[Any, Mapping[Any, Any]], graph: nx.DiGraph[Any]
+) -> Any:
+    """Return scenarios with survivals of arcs of a graph, by names of scenarios; their own hold.
+
+    What is no list stays as it is.
+    """
+    if not isinstance(scenarios, list):
+        return scenarios
     found = list[Any](scenarios)
     for i, scenario in enumerate(found):
         given = vars(scenario) if isinstance(scenario, Scenario) else scenario
-        name = given.get("name") if isinstance(given, Mapping) else None
+        [name] = names_of([scenario]) or [""]
         of_table = {arc: n for arc, n in survivals.get(name, {}).items() if graph.has_edge(*arc)}
         if of_table and is_mapping(given.get("survival", {})):
             found[i] = {**given, "survival": of_table | given.get("survival", {})}
@@ -165,6 +174,8 @@ def check_scenarios(
             found.append(Scenario(**{"name": None, "probability": None, **given}))
     if faults or not found:
         return (), faults
+    of_kinds = {kind.name for kind in kinds} & {scenario.name for scenario in found}
+    faults += [f"scenario {quoted(name)}: a kind of robots has this name" for name in of_kinds]
     for scenario in found:
         wrong = _scenario_faults(scenario, graph, kinds or [Kind(ONLY_KIND, 1)])
         faults += [f"scenario {quoted(scenario.name)}: {fault}" for fault in wrong]
@@ -181,12 +192,34 @@ def check_scenarios(
             fault = f"probabilities of scenarios sum to {total:g}, and one is called {OTHERWISE}"
             return (), [f"expected 1: {fault}"]
         found.append(Scenario(OTHERWISE, 1.0 - total))
-    return tuple(found), []
+        total = 1.0
+    return tuple(_normalized(scenario, total) for scenario in found), []
+
+
+def _normalized(scenario: Scenario, total: float) -> Scenario:
+    """Return a valid scenario with plain numbers, and mappings of its own.
+
+    ``total`` is the sum of all probabilities, by which they are divided where it is not 1.
+    """
+    probability = float(scenario.probability)
+    return replace(
+        scenario,
+        probability=probability if abs(total - 1.0) < _ROUNDING else probability / total,
+        factor=float(scenario.factor),
+        zone=scenario.zone if scenario.zone is None else _plain(_zones(scenario.zone)),
+        survival=dict(scenario.survival),
+        reward=dict(scenario.reward),
+    )
+
+
+def _plain(zones: tuple[str, ...]) -> str | tuple[str, ...]:
+    """Return one zone as it is, and several in order."""
+    return zones[0] if len(zones) == 1 else tuple(sorted(zones))
 
 
 def _zones(zone: Any) -> tuple[Any, ...]:
     """Return zones as a scenario has them; all of them are none."""
-    return (zone,) if isinstance(zone, str) or not isinstance(zone, Iterable) else tuple(zone)
+    return (zone,) if isinstance(zone, str) or not isinstance(zone, Collection) else tuple(zone)
 
 
 def _are_texts(zones: tuple[Any, ...]) -> bool:
@@ -288,6 +321,7 @@ def independent_zones(
     [('calm', 0.375), ('west', 0.125), ('east', 0.375), ('east and west', 0.125)]
     """
     chances = dict(probabilities)
+    factor, calm = check("factor", factor, NotNegative), check("calm", calm, NotNegative)
     for zone, probability in chances.items():
         check(f"the probability of {quoted(zone)}", probability, Probability)
     found = []
@@ -320,8 +354,8 @@ def scenarios_from_samples(
     Parameters
     ----------
     graph
-        An ``nx.DiGraph``, that of the mission. Arcs without a class, or of one without counts, keep their
-        survivals.
+        An ``nx.DiGraph``, that of the mission. Arcs without a class, or of one without counts, keep
+        their survivals.
     counts
         Class → (how many robots have crossed an arc of it, how many of these were lost).
     by
@@ -360,11 +394,18 @@ def scenarios_from_samples(
     from scipy.stats import beta, qmc  # imported late: it takes time
 
     n_scenarios = check("n_scenarios", n_scenarios, int, ge=1)
+    before = [check("prior", number, Positive) for number in prior]
+    if not counts:
+        raise ValueError("Expected counts of at least one class of arcs, got none.")
     parameters = []
-    for name, (crossings, lost) in counts.items():
+    for name, of_class in counts.items():
+        if not (is_list(of_class) and len(of_class) == 2):
+            expected = f"crossings and losses of {quoted(name)}, two numbers"
+            raise ValueError(f"Expected {expected}, got {quoted(of_class)}.")
+        crossings, lost = of_class
         check(f"crossings of {quoted(name)}", crossings, NotNegative)
         check(f"losses of {quoted(name)}", lost, float, ge=0, le=crossings)
-        parameters.append((prior[0] + crossings - lost, prior[1] + lost))
+        parameters.append((before[0] + crossings - lost, before[1] + lost))
     arcs = {name: [arc for arc, of in graph.edges.items() if of.get(by) == name] for name in counts}
     if missing := [str(name) for name, of_class in arcs.items() if not of_class]:
         raise ValueError(f"Expected arcs with {by} {quoted(missing[0])}, found none.")
@@ -422,7 +463,7 @@ def _base_survival(wanted: float, fixed: float, factors: Mapping[float, float]) 
 
     if not factors:
         return wanted
-    if abs(excess(0.0)) < _SUMS:
+    if abs(excess(0.0)) < _ROUNDING:
         return 1.0
     most = 700.0 / min((factor for factor in factors if factor > 0.0), default=math.inf)
     if excess(0.0) < 0.0 or excess(most) > 0.0:

@@ -13,7 +13,7 @@ import networkx as nx
 from botohe_moo.base.messages import quoted
 from botohe_moo.core.world import CHECKING, Limits
 from botohe_moo.mission.rules import Kind, MissionError, by_kind
-from botohe_moo.mission.scenarios import Scenario
+from botohe_moo.mission.scenarios import Scenario, survivals_in
 from botohe_moo.trails import TrailPlan
 
 _STATES = {"reached": "out", "lost": "lost", "home": "home"}  # of a robot after each event
@@ -248,8 +248,9 @@ def under_way(
     of its old kind with its row, such as ``robot 2``; a kind of one robot keeps its name. The robot
     starts where it is, cannot use the arcs again that it has used, has the rest of its travel
     budget, and carries what it has collected since its last depot. The survival floor of a kind
-    holds for the rest of a trail. Nodes whose rewards count already pay nothing. If ``share`` < 1,
-    a visited node keeps its expected remaining reward.
+    holds for the rest of a trail; with scenarios, it is lower where what has happened makes the
+    rest of the plan more dangerous than that. Nodes whose rewards count already pay nothing. If
+    ``share`` < 1, a visited node keeps its expected remaining reward.
 
     Parameters
     ----------
@@ -305,6 +306,13 @@ def remaining_mission(mission: Any, robots: Sequence[RobotState]) -> UnderWay:
     rest = mission._derive(_graph_left(mission, first, settled), kinds, scenarios)
     left = [robot for group in groups.values() for robot in group]
     plan = rest.plan([robot.trail[robot.at :] for robot in left])
+    if cases:  # by what has happened, the rest of a trail may be more dangerous than all of it was
+        alive = zip(rest.kind_of, rest.robot_survival([plan])[0].tolist(), strict=True)
+        least = {kind.name: survival for kind, survival in sorted(alive, key=lambda of: -of[1])}
+        kinds = [
+            replace(kind, min_survival=min(kind.min_survival, least[kind.name])) for kind in kinds
+        ]
+        rest = mission._derive(rest.graph, kinds, scenarios)
     found = [of.probability * settled.banked(mission.in_scenario(of.name)) for of in cases]
     banked = math.fsum(found) if cases else settled.banked(mission)
     return UnderWay(rest, plan, tuple(robot.number for robot in left), banked)
@@ -314,23 +322,24 @@ def _posterior(mission: Any, robots: Sequence[RobotState]) -> list[Scenario]:
     """Return the scenarios that are left, with their probabilities after what has happened.
 
     These follow from Bayes' rule: a scenario is the more probable, the more probable it makes what
-    has happened to the robots, which are lost independently in each scenario.
+    has happened to the robots, which are lost independently in each scenario. They stay as they
+    were where no scenario allows it.
     """
-    found = []
-    for scenario, (_, one) in zip(mission.scenarios, mission.in_scenarios, strict=False):
-        likelihood = math.prod(_likelihood(one, robot) for robot in robots)
-        found.append(replace(scenario, probability=scenario.probability * likelihood))
-    total = math.fsum(scenario.probability for scenario in found)
-    if found and total == 0.0:
-        raise EventError(f"No scenario of mission {quoted(mission.name)} allows these events.")
-    left = [of for of in found if of.probability > 0.0]
-    return [replace(of, probability=of.probability / total) for of in left]
+    weights = [
+        scenario.probability * math.prod(_likelihood(mission, scenario, robot) for robot in robots)
+        for scenario in mission.scenarios
+    ]
+    total = math.fsum(weights)
+    if total == 0.0:
+        return list(mission.scenarios)
+    left = zip(mission.scenarios, weights, strict=True)
+    return [replace(of, probability=weight / total) for of, weight in left if weight / total > 0.0]
 
 
-def _likelihood(mission: Any, robot: RobotState) -> float:
+def _likelihood(mission: Any, scenario: Scenario, robot: RobotState) -> float:
     """Return how probable it is, in a scenario, that this has happened to a robot."""
-    arcs = [mission.graph.edges[arc]["survival"] for arc in pairwise(robot.trail)]
-    hops = [by_kind(survival, [robot.kind])[0] for survival in arcs]
+    arcs, kind = pairwise(robot.trail), [robot.kind]
+    hops = [survivals_in(scenario, mission.graph, arc, kind)[0][0] for arc in arcs]
     chance = math.prod(hops[: robot.at])
     if robot.state != "lost":
         return chance
@@ -376,7 +385,7 @@ def _graph_left(mission: Any, first: dict[str, RobotState], settled: Settled) ->
     A kind collects nothing where its robot is paid already, and survives no arc that it has used.
     """
     graph: nx.DiGraph[Any] = mission.graph.copy()
-    for name in ("robots", "kinds", "max_length"):  # the new kinds have their own
+    for name in ("robots", "kinds", "max_length", "scenarios"):  # the new kinds have their own
         graph.graph.pop(name, None)
     nx.set_node_attributes(graph, settled.left, "reward")
     old_kinds, paid, used = [], {}, {}

@@ -213,7 +213,7 @@ class LocalSearch:
         Returns how many plans were evaluated: fewer than ``n_evaluations`` where no move makes any
         other plan.
         """
-        if self.world.graph.n_arcs == 0:  # the kernels rely on arcs to draw from
+        if self.world.graph.n_arcs == 0 or len(self) == 0:  # the kernels rely on both
             return 0
         return self._search(self._nothing, n_evaluations)
 

@@ -88,11 +88,12 @@ def mission_content(mission: Mission) -> dict[str, Any]:
             {f.name: v for f in fields(kind) if (v := getattr(kind, f.name)) != f.default}
             for kind in mission.kinds
         ]
-    if mission.scenarios:
-        own["scenarios"] = [_scenario_entry(of, label_of) for of in mission.scenarios]
+    own["scenarios"] = [_scenario_entry(of, label_of) for of in mission.scenarios]
     # The mission's own values win over those of its graph, in whose places they stand.
     kept = {"name": None} | graph.graph | own | {"name": mission.name}
     kept.pop("robots" if "kinds" in own else "kinds", None)
+    if not mission.scenarios:
+        del kept["scenarios"]
     if mission.pays == "arrival" and "pays" not in graph.graph:
         del kept["pays"]
     about = {"directed": True, "multigraph": False, "graph": _entry("the graph", kept)}
@@ -100,7 +101,7 @@ def mission_content(mission: Mission) -> dict[str, Any]:
 
 
 def _scenario_entry(scenario: Scenario, label_of: Mapping[Any, Any]) -> dict[str, Any]:
-    """Return a scenario as JSON holds it; :func:`rules.read_scenarios` reads it."""
+    """Return a scenario as JSON holds it; :func:`scenarios.read_scenarios` reads it."""
     own: dict[str, Any] = {"name": scenario.name, "probability": scenario.probability}
     own |= {"factor": scenario.factor} if scenario.factor != 1.0 else {}
     own |= {"zone": scenario.zone} if scenario.zone is not None else {}

@@ -534,10 +534,12 @@ def _join_columns(
         columns = {key: key.partition(":")[2] for key in where if rules.attribute_of(key) == name}
         columns = {key: of for key, of in columns.items() if of in kinds or of not in scenarios}
         known = f"the kinds are {', '.join(kinds)}" if kinds else "the mission lists no kinds"
-        known += f", the scenarios {', '.join(scenarios)}" if scenarios else ""
         unknown = [key for key, kind in columns.items() if kind not in kinds]
-        what = "kind or scenario" if scenarios else "kind"
-        faults = [f"{where[key]}: column {quoted(key)}: no such {what}; {known}" for key in unknown]
+        known += (
+            f"; the scenarios are {', '.join(scenarios)}" if scenarios else ", and no scenarios"
+        )
+        what = "no such kind or scenario" if scenarios else "no such kind"
+        faults = [f"{where[key]}: column {quoted(key)}: {what}; {known}" for key in unknown]
         if columns and not faults and name == "survival" and name not in where:
             missing = [f"{name}:{kind}" for kind in kinds if f"{name}:{kind}" not in columns]
             first = where[min(columns)]
