@@ -165,10 +165,9 @@ class Replan:
     @property
     def _scenarios(self) -> str:
         """A sentence on how probable scenarios are by now; empty without any."""
-        known = [f"{s.name} {s.probability:.2g}" for s in self.left.mission.scenarios]
-        return f" After these events, scenarios are as probable as: {', '.join(known)}." * bool(
-            known
-        )
+        found = sorted(self.left.mission.scenarios, key=lambda scenario: -scenario.probability)
+        known = m.listed(f"{scenario.name} {scenario.probability:.2g}" for scenario in found)
+        return f" After these events, scenarios are as probable as: {known}." if known else ""
 
 
 def replan(

@@ -1,5 +1,6 @@
 """Missions with scenarios: what they are worth, what is refused, files, and who honours them."""
 
+import pickle
 import warnings
 from collections import Counter
 from dataclasses import replace
@@ -632,6 +633,8 @@ def test_a_mission_keeps_its_own_scenarios():
         pytest.approx(before[0])
     )
     assert {hash(scenario) for scenario in mission.scenarios}
+    assert len(pickle.dumps(mission)) < 3 * len(pickle.dumps(TOY))
+    assert pickle.loads(pickle.dumps(mission)).in_scenarios == mission.in_scenarios
 
 
 def test_scenarios_that_were_taken_away_are_not_saved(tmp_path):

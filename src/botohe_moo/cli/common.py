@@ -187,7 +187,8 @@ def mission_options(
         black, the rate of loss is --danger.
     scenario : NAME=P,...
         A scenario and its probability, such as "storm=0.2,factor=8,zone=east": hazards are
-        multiplied by the factor, on arcs that begin or end in the zone. Repeatable.
+        multiplied by the factor, on arcs that begin or end in the zone. Those of the file are left
+        out then. Repeatable.
     mission_parameter : -m NAME=VALUE
         A parameter of the mission, such as nodes=500. All mission files take reward=2 and
         both_ways=true. Repeatable.

@@ -142,7 +142,8 @@ def import_mission(
         for a kind of robots; pays (arrival, return); depot (yes, no).
     arcs : FILE
         CSV with the columns tail, head and survival. Optional columns: length; survival:NAME for a
-        kind of robots. If both survivals of a kind are empty, it cannot take the arc.
+        kind of robots, or for a scenario that is given. If both survivals of a kind are empty, it
+        cannot take the arc.
     base : LABEL
         Label of the base.
     out : -o FILE

@@ -60,13 +60,13 @@ class Reached(NamedTuple):
 
 
 @array_maker
-def new_reached(n_nodes: int) -> Reached:
-    """Return scratch for plans of a mission, where ``Team.worth`` has ``n_nodes`` entries."""
+def new_reached(n_entries: int) -> Reached:
+    """Return scratch for plans of a mission, where ``Team.worth`` has ``n_entries``."""
     return Reached(
         np.zeros(1, np.int64),
-        np.zeros(n_nodes, np.int64),
-        np.empty(n_nodes),
-        np.empty(n_nodes, np.int64),
+        np.zeros(n_entries, np.int64),
+        np.empty(n_entries),
+        np.empty(n_entries, np.int64),
         np.zeros(1, np.int64),
     )
 

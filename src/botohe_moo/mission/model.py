@@ -682,6 +682,10 @@ class Mission:
     def __hash__(self) -> int:
         return hash((self.nodes, self.base, self.robots, self.world.graph.survival.tobytes()))
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out the missions of all scenarios, which can be made again."""
+        return {name: value for name, value in vars(self).items() if name != "in_scenarios"}
+
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         return self  # immutable, and pymoo deep-copies algorithms together with their problem
 
