@@ -114,15 +114,15 @@ def power_plant() -> Mission:
 
 
 def flooded_plant() -> Mission:
-    """The plant of ``power_plant``, of which one floor may be under water, nobody knows which.
+    """The plant of ``power_plant``, where one of the two floors may be flooded.
 
-    With probability 0.3 it is the first, with 0.3 the second; hazards on its arcs are eight times
-    as large then. On average over these scenarios survivals are those of ``power_plant``.
+    Each is flooded with probability 0.3; hazards on its arcs are then eight times as large. On
+    average over these scenarios, survivals are those of ``power_plant``.
     """
     water = [Scenario(f"water on floor {n}", 0.3, 8.0, f"floor {n}") for n in (1, 2)]
     mission = power_plant().with_scenarios(water, keep_marginals=True)
     graph = mission.graph.copy()
-    graph.graph["title"] = "Satsop nuclear power plant, of which a floor may be flooded"
+    graph.graph["title"] = "Satsop nuclear power plant, where a floor may be flooded"
     return Mission(graph, scenarios=mission.scenarios, name="flooded_plant")
 
 

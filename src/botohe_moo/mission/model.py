@@ -68,7 +68,7 @@ class Mission:
         or on ``"return"``. A node that pays on return pays when a robot that has visited it reaches
         a depot.
     scenarios
-        Worlds of which one is the true one, such as one with a storm and one without, each a
+        Possible worlds, one of which is true, such as one with a storm and one without, each a
         :class:`Scenario`. All robots meet the same one; given it, robots are lost on arcs
         independently. Default: those of the graph, if it has any.
     name

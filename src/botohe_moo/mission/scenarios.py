@@ -1,4 +1,4 @@
-"""Scenarios: several worlds of which one is the true one."""
+"""Scenarios: several possible worlds, one of which is true."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ OTHERWISE = "otherwise"  # the name of the scenario in which nothing else is so
 
 @dataclass(frozen=True)
 class Scenario:
-    """One of several worlds that may be the true one, and what is different in it.
+    """One of several possible worlds, and what is different in it.
 
-    Where it says nothing, the values of the graph hold.
+    Anything that it leaves out is as in the graph.
 
     Parameters
     ----------
     name
         Its name.
     probability
-        The probability that it is the true one, in (0, 1]. Where those of all scenarios sum to less
+        The probability that it is true, in (0, 1]. Where those of all scenarios sum to less
         than 1, there is another, ``otherwise``, in which the values of the graph hold.
     factor
         What hazards, −log of survivals, are multiplied by, at least 0.
