@@ -112,20 +112,38 @@ class BOTOHE(Problem):
             Plans for the mission's team. A PlanError names what is not valid; with
             ``allow_invalid`` a robot is lost at the first fault of its trail.
         """
-
-        def evaluate(one: Mission) -> FloatArray:
-            return one.evaluate_drafts(batch)[0] if self.allow_invalid else one.evaluate(batch)
-
-        objectives = evaluate(self.mission)
+        objectives = self._values(self.mission, batch)
         if self.risk is not None:
-            rewards = np.array([evaluate(one)[:, 0] for _, one in self.mission.in_scenarios])
-            order = rewards.argsort(axis=0, kind="stable")
-            chances = np.array([p for p, _ in self.mission.in_scenarios])[order]
-            before = chances.cumsum(axis=0) - chances
-            counted = np.clip(self.risk - before, 0.0, chances)
-            worst = (counted * np.take_along_axis(rewards, order, axis=0)).sum(axis=0)
-            objectives[:, 0] = worst / self.risk
+            objectives[:, 0] = (self.worst_weights(batch) * self._rewards(batch)).sum(axis=0)
         return -objectives
+
+    def worst_weights(self, batch: PlanBatch) -> FloatArray:
+        """Return the weights of scenarios whose mean reward ``risk`` makes an objective.
+
+        They sum to 1 for each plan (n_scenarios, n): those of the worst scenarios, which have the
+        probability ``risk`` together, are 1 / risk times their probabilities.
+
+        Parameters
+        ----------
+        batch
+            As for ``evaluate_batch``.
+        """
+        order = self._rewards(batch).argsort(axis=0, kind="stable")
+        chances = np.array([p for p, _ in self.mission.in_scenarios])[order]
+        counted = np.clip(self.risk - (chances.cumsum(axis=0) - chances), 0.0, chances)
+        weights = np.empty(order.shape)
+        np.put_along_axis(weights, order, counted / self.risk, axis=0)
+        return weights
+
+    def _rewards(self, batch: PlanBatch) -> FloatArray:
+        """Return E[R] of plans in each scenario (n_scenarios, n)."""
+        return np.array([self._values(one, batch)[:, 0] for _, one in self.mission.in_scenarios])
+
+    def _values(self, mission: Mission, batch: PlanBatch) -> FloatArray:
+        """Return E[R] and E[S] of plans (n, 2), also of invalid ones where they are allowed."""
+        if self.allow_invalid:
+            return mission.evaluate_drafts(batch)[0]
+        return mission.evaluate(batch)
 
     def constrain_batch(self, batch: PlanBatch) -> FloatArray:
         """Compute the inequality constraints G (n, n_ieq_constr), at most 0 where they are kept.

@@ -231,6 +231,13 @@ def test_every_algorithm_honours_scenarios_or_refuses(name):
     assert np.array_equal(THREE.evaluate(found.plans), found.objectives)
     assert (THREE.robot_survival(found.plans) >= 0.5 * (1 - 1e-12)).all()
     assert area_indicator(found.objectives, THREE) > 0.2
+    problem, algorithm = BOTOHE(THREE, risk=0.3), make_algorithm(name)
+    if getattr(algorithm, "evaluates_in_kernels", False) and not algorithm.honours_risk:
+        with pytest.raises(TypeError, match="in a kernel, and not risk"):
+            minimize(problem, algorithm, ("n_eval", 300), seed=1)
+        return
+    done = minimize(problem, algorithm, ("n_eval", 300), seed=1)
+    assert np.array_equal(done.F, problem.evaluate_batch(THREE.batch(done.X)))
 
 
 def test_the_whole_front_of_small_missions():
@@ -363,11 +370,26 @@ def test_risk_is_the_mean_of_the_worst_scenarios():
     assert (problem.is_plain, problem.objectives.names[0]) == (False, "E[R] in the worst 30 %")
     done = minimize(problem, make_algorithm("nsga2", pop_size=20), ("n_eval", 200), seed=1)
     assert np.array_equal(done.F, problem.evaluate_batch(THREE.batch(done.X)))
-    with pytest.raises(TypeError, match="ParetoLocalSearch evaluates"):
-        minimize(problem, make_algorithm("pareto-local-search"), ("n_eval", 200), seed=1)
+    with pytest.raises(TypeError, match="SimulatedAnnealing evaluates"):
+        minimize(problem, make_algorithm("simulated-annealing"), ("n_eval", 200), seed=1)
     for risk, mission in ((0.0, THREE), (1.0, THREE), (0.3, TOY)):
         with pytest.raises(ValueError, match="risk"):
             BOTOHE(mission, risk=risk)
+
+
+def test_local_search_for_the_worst_scenarios():
+    problem = BOTOHE(THREE, risk=0.3)
+    trails = twins.all_trails(THREE)
+    plans = [THREE.pack([[one, other]])[0] for i, one in enumerate(trails) for other in trails[i:]]
+    best = -problem.evaluate_batch(THREE.batch(plans))
+    found = minimize(problem, make_algorithm("pareto-local-search"), ("n_eval", 20_000), seed=1)
+    assert found.algorithm.evaluator.n_eval == 20_000
+    assert np.array_equal(found.F, problem.evaluate_batch(THREE.batch(found.X)))
+    area = area_indicator(-found.F, problem.objectives)
+    assert area == pytest.approx(area_indicator(best, problem.objectives), rel=1e-9)
+    floor = BOTOHE(THREE, risk=0.3, min_survival=0.8)
+    found = minimize(floor, make_algorithm("pareto-local-search"), ("n_eval", 2_000), seed=1)
+    assert THREE.robot_survival(found.X).min() >= 0.8 - 1e-12
 
 
 def test_scenarios_of_named_missions_and_in_texts():

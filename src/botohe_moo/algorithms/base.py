@@ -287,6 +287,8 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
 
     Problems that override ``evaluate_batch`` or ``constrain_batch`` are then refused.
     """
+    honours_risk = False
+    """Whether ``risk`` of a problem is honoured, although objectives are computed in kernels."""
 
     @checked
     def __init__(
@@ -322,7 +324,7 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
             if overrides(problem, method):
                 found = f"{type(problem).__name__} overrides {method}"
                 raise TypeError(f"{found}, which {type(self).__name__} does not call: {why}")
-        if self.evaluates_in_kernels and problem.risk is not None:
+        if self.evaluates_in_kernels and not self.honours_risk and problem.risk is not None:
             raise TypeError(f"{type(self).__name__} evaluates E[R] in a kernel, and not risk.")
         check_n_objectives(self, problem, None)
         if problem.n_eq_constr > 0:

@@ -11,6 +11,7 @@ from botohe_moo.algorithms import base
 from botohe_moo.algorithms.base import Archive, ArchiveAlgorithm, PopulationArchive, Threads
 from botohe_moo.algorithms.greedy.planner import SequentialPlanner
 from botohe_moo.algorithms.local_search.engine import Islands, LocalSearch, LocalSearchSettings
+from botohe_moo.algorithms.local_search.risk import WorstScenarios
 from botohe_moo.base.types import FloatArray, ObjectArray
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch, TrailPlan
@@ -109,6 +110,10 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     A child counts as an evaluation also when an upper bound of its E[R], computed before its trail
     has been walked to the end, shows that it cannot enter.
 
+    Where the problem has a ``risk``, one search goes on in turns of 1 000 evaluations, each with
+    other weights of the scenarios, so that plans get better in their own worst ones; islands and
+    ``max_size`` do not count then.
+
     Islands are a cooperative parallel search in which all processes share one archive: Crainic and
     Toulouse, "Parallel meta-heuristics", in Handbook of Metaheuristics, 2010.
 
@@ -123,6 +128,7 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     """
 
     evaluates_in_kernels = True
+    honours_risk = True
 
     @base.tuned_by(LocalSearchSettings)
     def __init__(
@@ -141,13 +147,15 @@ class ParetoLocalSearch(ArchiveAlgorithm):
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
-        self._search = Islands(
-            problem.mission,
-            problem.world,
-            n_threads=self.n_threads,
-            random_state=self.random_state,
-            settings=LocalSearchSettings(**base.settings_of(self, LocalSearchSettings)),
-        )
+        given: dict[str, Any] = {
+            "n_threads": self.n_threads,
+            "random_state": self.random_state,
+            "settings": LocalSearchSettings(**base.settings_of(self, LocalSearchSettings)),
+        }
+        if problem.risk is not None:
+            self._search: Islands = WorstScenarios(problem, self.archive, **given)
+            return
+        self._search = Islands(problem.mission, problem.world, **given)
         constrain = problem.constrain_batch if problem.n_ieq_constr else None
         self.archive = _SearchArchive(self._search.first, problem.mission.robots, constrain)
 
@@ -168,6 +176,10 @@ class ParetoLocalSearch(ArchiveAlgorithm):
             )
             plans += planner.plans(1.0)
         batch = mission.batch(plans)[: self.n_left]
+        if problem.risk is not None:
+            self.evaluate_plans(batch)
+            self._advance()
+            return
         self.evaluator.n_eval += len(batch)
         if problem.n_ieq_constr:
             batch = batch.take((problem.constrain_batch(batch) <= 0).all(axis=1))
