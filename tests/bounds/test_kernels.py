@@ -237,7 +237,7 @@ def test_how_far_values_fall_short_is_known(mission, memory, seed, tolerance):
 def ahead_of(states, prices, mus, tables, found, beside):
     """Completions under the same prices and several prices of survival."""
     return [
-        (Ahead(states, Worth(prices, mu), tables, values, 0.0, 0.0), beside)
+        Ahead(states, Worth(prices, mu), tables, values, 0.0, 0.0, beside)
         for mu, values in zip(mus, found, strict=True)
     ]
 

@@ -30,7 +30,8 @@ from botohe_moo.objectives import check_objectives
 TIME_LIMIT = 60.0
 MEMORY_LIMIT = 1024.0
 MOST_ROBOTS = 5_000
-# Prices of survivors at which they are added up, beside their own: shares of all reward by robot.
+# Prices of survival at which bounds of scenarios are added, beside those of their own lines, in
+# shares of all reward per robot.
 _SLOPES = np.geomspace(0.125, 32.0, 17)
 _SAMPLES = 2_000  # of E[S], where the bounds of scenarios are added up
 _OF_SCENARIOS = "Each scenario is bounded as if plans could be made for it alone."
@@ -183,13 +184,10 @@ def _over_scenarios(mission: Mission, *, min_survival: float, **options: Any) ->
     slopes = _SLOPES * mission.total_reward / robots
     for moving in range(1, robots + 1):
         x = np.linspace(0.0, moving, _SAMPLES + 1)
-        heights = [bound.where(moving, x[:-1] + robots - moving) for _, bound in found]
-        lines_of = [line for _, bound in found for line in bound.lines if line.n_robots == moving]
-        for mu in sorted({0.0, *slopes.tolist(), *(line.mu for line in lines_of)}):
-            most = math.fsum(
-                p * float((height + mu * x[1:]).max())
-                for (p, _), height in zip(found, heights, strict=True)
-            )
+        heights = [(p, bound.where(moving, x[:-1] + robots - moving)) for p, bound in found]
+        own = [line.mu for _, bound in found for line in bound.lines if line.n_robots == moving]
+        for mu in sorted({0.0, *slopes.tolist(), *own}):
+            most = math.fsum(p * float((height + mu * x[1:]).max()) for p, height in heights)
             # Where no plan lets so few robots move, any line holds.
             lines.append(Line(moving, max(most * (1.0 + 1e-12), 0.0), mu, "relaxed"))
     bounds = [bound for _, bound in found]

@@ -52,6 +52,9 @@ class Facts(NamedTuple):
 class Certificate:
     """All facts about a front: what teams collect at most, for each number of moving robots.
 
+    ``first`` has a line for 1, 2, … moving robots. Sums are kept for up to ``n_sums`` robots, on
+    ``n_steps`` steps of ``width``. ``total`` is all reward.
+
     Attributes
     ----------
     lines
@@ -100,7 +103,10 @@ class Certificate:
         return float(min(heights))
 
     def steps(self) -> list[Step]:
-        """Return all steps, with those of sums."""
+        """Return all steps, with those of sums.
+
+        Numbers of steps sum to t or more where survivals sum to (t + moving − 1) · width.
+        """
         found, fall = [], _FALL * self._total or 1.0
         for moving, row in enumerate(self._sums, 1):
             most = np.minimum.accumulate(np.maximum(row, np.ceil(row / fall) * fall))

@@ -34,10 +34,10 @@ class Deadline:
         return max(0.0, self.seconds - self.elapsed)
 
     def run(self, steps: Callable[[int], int], n_most: int, seconds: float) -> bool:
-        """Make up to ``n_most`` steps of some seconds; return whether they were enough.
+        """Make up to ``n_most`` steps of ``seconds`` each; return whether they were enough.
 
-        ``steps`` is called with how many there is time for, and returns how many it has made,
-        negative where these were not enough.
+        ``steps`` is called with how many there is time for. It returns how many it has made, as a
+        negative number if more were needed. If then only time was short, the time is over.
         """
         n_left = int(min(n_most, self.left / seconds))
         n = steps(n_left)

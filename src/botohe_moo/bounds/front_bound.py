@@ -34,7 +34,8 @@ class Line(NamedTuple):
         Where the line begins, and by how much it falls for each robot that survives.
     proof
         ``"everything"`` (each node is reached along the safest way), ``"relaxed"`` (no relaxed
-        trail is worth more than the line says) or ``"exact"`` (no trail is).
+        trail is worth more than the line says, or it follows from bounds of all scenarios) or
+        ``"exact"`` (no trail is).
     """
 
     n_robots: PositiveInt
@@ -144,7 +145,7 @@ def lower_envelope(most: ArrayLike, mu: ArrayLike) -> OffsetArray:
 
 
 def stairs_of(values: FloatArray, survival: FloatArray, width: float, n_steps: int) -> FloatArray:
-    """Return the stairs of trails (n_steps), −inf where none survives as well."""
+    """Return for each step the most of ``values`` on it or above, −inf for none (n_steps)."""
     stairs = np.full(n_steps, -np.inf)
     steps = np.minimum((survival / width * (1 + EDGE)).astype(np.int64), n_steps - 1)
     np.maximum.at(stairs, steps, values)
@@ -158,7 +159,10 @@ def falling(stairs: FloatArray) -> FloatArray:
 
 
 def least_total(x: FloatArray | float, width: float, n_trails: int) -> OffsetArray:
-    """Return the least sum of steps of ``n_trails`` trails whose survivals sum to ``x`` or more."""
+    """Return the least sum of steps of ``n_trails`` trails whose survivals sum to ``x`` or more.
+
+    Σ ⌊s_k / width⌋ > Σ s_k / width − n_trails, and so it is at least ⌊x / width⌋ − n_trails + 1.
+    """
     totals: OffsetArray = np.floor(np.divide(x, width) * (1 - EDGE)).astype(np.int64)
     return np.maximum(totals - n_trails + 1, 0)
 
@@ -196,7 +200,7 @@ class _Proved(NamedTuple):
     most: FloatArray  # of each line
     mu: FloatArray
     least: FloatArray  # where steps begin, ascending
-    capped: FloatArray  # the lowest step before each beginning, and after the last
+    capped: FloatArray  # the lowest of the first i steps, inf for none (n_steps + 1)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -317,21 +321,22 @@ class FrontBound:
 
     @_OVERFLOW
     def _corners(self) -> FloatArray:
-        """Return where the bound for some number of robots may jump or bend, in ascending E[S]."""
+        """Return where the bound for some number of robots may jump or bend, in ascending E[S].
+
+        With a grid between.
+        """
         n_robots = self.mission.robots
-        found = [0.0, float(n_robots)]
+        low, high = self.min_survival * (1 - _ROUNDING), self.most_survival * (1 + _ROUNDING)
+        found = np.linspace(0.0, n_robots, _N_POINTS).tolist()
         for moving in range(1, n_robots + 1):
             proved = self._proved[moving]
             order = lower_envelope(proved.most, proved.mu)
             bends = np.diff(proved.most[order]) / np.diff(proved.mu[order])
-            ends = moving * np.array(
-                [self.min_survival * (1 - _ROUNDING), self.most_survival * (1 + _ROUNDING)]
-            )
             falls = proved.mu > 0.0
             drops = np.subtract.outer(proved.most[falls], proved.capped[1:])
             # Where the lowest line falls below each step.
             meets = (drops / proved.mu[falls, None]).min(axis=0, initial=np.inf)
-            x = np.concatenate([[0.0], bends, ends, proved.least, meets])
+            x = np.concatenate([[0.0, moving * low, moving * high], bends, proved.least, meets])
             found += ((n_robots - moving + x) / (1.0 - _ROUNDING)).tolist()
         corners = np.unique(found)
         inside: FloatArray = corners[(corners >= 0.0) & (corners <= n_robots)]
@@ -343,8 +348,7 @@ class FrontBound:
 
         Every plan is weakly dominated by one of the points.
         """
-        grid = np.linspace(0.0, self.mission.robots, _N_POINTS)
-        survivors = np.unique(np.append(grid, self._corners()))
+        survivors = self._corners()
         # Plans with more survivors than one point are below the next.
         before = np.append(0.0, np.nextafter(survivors[:-1], np.inf))
         found = np.column_stack([self.bound(before), survivors])
@@ -358,7 +362,7 @@ class FrontBound:
         whole = self.mission.total_reward * self.mission.robots
         if whole == 0.0:
             return 0.0
-        corners = np.union1d(self._corners(), np.linspace(0.0, self.mission.robots, _N_POINTS))
+        corners = self._corners()
         n_at_once = max(1, _MOST_BOUNDS // (self.mission.robots + 1))
         firsts = range(0, len(corners) - 1, n_at_once)
         area = sum(self._area_between(corners[i : i + n_at_once + 1]) for i in firsts)
@@ -367,7 +371,7 @@ class FrontBound:
     def _area_between(self, corners: FloatArray) -> float:
         """Integrate the bound, which has a line for each number of robots between corners.
 
-        It may be slightly more.
+        The result may be slightly larger.
         """
         width = np.diff(corners)
         low, high = (self.by_robots(corners[:-1] + share * width) for share in (0.25, 0.75))

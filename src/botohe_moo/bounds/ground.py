@@ -10,12 +10,11 @@ import numpy as np
 
 from botohe_moo.base.types import FloatArray
 from botohe_moo.bounds.certificate import Certificate, PricedLine
-from botohe_moo.bounds.deadline import Deadline
 from botohe_moo.bounds.front_bound import Line, LineProof, stairs_of
-from botohe_moo.bounds.kernels.states import Net
+from botohe_moo.bounds.kernels.states import EPSILON, Net
 from botohe_moo.bounds.kernels.trails import Stairs
 from botohe_moo.bounds.prices import Pool, PricedTeam, Prices, refine
-from botohe_moo.bounds.relaxation import LEVELS, Ahead, BoundLines, Relaxation
+from botohe_moo.bounds.relaxation import LEVELS, Ahead, Relaxation
 from botohe_moo.core.world import CHECKING
 
 # These constants share out time and memory; every bound is valid whatever they are. Where no other
@@ -24,17 +23,17 @@ from botohe_moo.core.world import CHECKING
 
 N_STEPS = 2_000  # of a trail's survival
 MOST_SUMMED = 20  # robots: sums of stairs take time that grows with the square of their number
-# Prices of survival that bound what lies ahead in searches that raise stairs, in shares of that of
-# the line; and what that is at least, in shares of all reward.
+# Searches that raise stairs bound what lies ahead at these shares of a line's price of survival,
+# which counts as at least ``_LEAST_MU`` of all reward.
 _MU_SHARES = (0.3, 1.0)
 _LEAST_MU = 0.01
-_EPSILON = float(np.finfo(float).eps)
 
 
 class Target(NamedTuple):
     """Where to prove something: about ``moving`` robots whose survivals sum to ``x`` or more.
 
-    ``goal`` is the E[R] to prove, where one is needed; ``effort`` is that of the search.
+    ``goal`` is the E[R] to prove, where one is needed; ``effort`` multiplies how many moves a
+    search may try.
     """
 
     moving: int
@@ -50,27 +49,21 @@ class Ground:
     """
 
     def __init__(
-        self,
-        relaxation: Relaxation,
-        pool: Pool,
-        n_robots: int,
-        base_reward: float,
-        unit: float,
-        deadline: Deadline,
+        self, relaxation: Relaxation, pool: Pool, n_robots: int, base_reward: float, unit: float
     ) -> None:
         self.net, self.relaxation, self.pool = relaxation.net, relaxation, pool
-        self.n_robots, self.base_reward, self.deadline = n_robots, base_reward, deadline
+        self.n_robots, self.base_reward, self.deadline = n_robots, base_reward, relaxation.deadline
         self.unit = unit  # of rewards here, in those of the mission
         self.most_survival = most_survival(self.net)
         self.width = self.most_survival * (1.0 + 1e-9) / N_STEPS  # of steps
-        self.team = cache(self._team)
-
-    def _team(self, moving: int) -> PricedTeam:
-        """Return the robots that move, as prices see them."""
-        return PricedTeam(self.net, moving, self.pool.n_levels)
+        # The robots that move, as prices see them, by their number.
+        self.team = cache(lambda moving: PricedTeam(self.net, moving, pool.n_levels))
 
     def certificate(self) -> Certificate:
-        """Return what holds from the start, as if every robot came by the safest ways."""
+        """Return what holds from the start, as if every robot came by the safest ways.
+
+        E[R] ≤ r_base + Σ_v r_v (1 − (1 − reach_v)^j).
+        """
         graph, lines = self.net.graph, []
         for moving in range(1, self.n_robots + 1):
             missed = (1.0 - np.minimum(self.net.reach * (1.0 + 1e-12), 1.0)) ** moving
@@ -83,7 +76,7 @@ class Ground:
         """Return a line that is raised by what rounding may have taken from sums over nodes."""
         n_terms = self.net.graph.n_nodes + 8
         scale = self.relaxation.total + self.base_reward + abs(most) + mu
-        spare = n_terms * _EPSILON * scale
+        spare = n_terms * EPSILON * scale
         return Line(moving, self.base_reward + most + spare, mu, proof)
 
     def lines(
@@ -106,8 +99,7 @@ class Ground:
         """Return the prices of the line that is the lowest at ``x``; 0 where there is none."""
         for prices in certificate.lowest(moving, x, x, 1):
             return prices
-        team = self.team(moving)
-        return Prices(np.zeros((len(team.nodes), team.n_levels + 1)), 0.0)
+        return Prices(np.zeros_like(self.team(moving).alive), 0.0)
 
     def rounding(self, moving: int) -> float:
         """Return the share by which what a team collects is raised.
@@ -115,7 +107,7 @@ class Ground:
         Products of its survivals are rounded at each factor, and so is the sum over nodes.
         """
         graph = self.net.graph
-        return (2 * moving * (graph.n_arcs + 2) + graph.n_nodes + 8) * _EPSILON
+        return (2 * moving * (graph.n_arcs + 2) + graph.n_nodes + 8) * EPSILON
 
     def spread(self, visits: FloatArray) -> FloatArray:
         """Return prices for all nodes, on a grid of ``LEVELS`` or a few more."""
@@ -125,15 +117,14 @@ class Ground:
         """Bound all trails under prices."""
         return self.relaxation.look_ahead(self.spread(prices.visits), [prices.mu])[0]
 
-    def look_ahead_around(self, prices: Prices) -> BoundLines:
+    def look_ahead_around(self, prices: Prices) -> list[Ahead]:
         """Bound all trails under prices of visits, and several prices of survival up to ``mu``."""
         mu = max(prices.mu, _LEAST_MU * self.relaxation.total)
         return self.look_ahead_with(prices.visits, [share * mu for share in _MU_SHARES])
 
-    def look_ahead_with(self, visits: FloatArray, mus: Sequence[float]) -> BoundLines:
+    def look_ahead_with(self, visits: FloatArray, mus: Sequence[float]) -> list[Ahead]:
         """Bound all trails under prices of visits, and several prices of survival."""
-        none = np.zeros(self.net.graph.n_nodes)
-        return [(each, none) for each in self.relaxation.look_ahead(self.spread(visits), mus)]
+        return self.relaxation.look_ahead(self.spread(visits), mus)
 
     def known_stairs(self, visits: FloatArray) -> FloatArray:
         """Return the stairs of known trails (N_STEPS), without anything for their survival."""
@@ -142,7 +133,7 @@ class Ground:
         return np.maximum(stairs_of(worth, trails.survival, self.width, N_STEPS), 0.0)
 
     def raise_stairs(
-        self, visits: FloatArray, ahead: BoundLines, stairs: Stairs, n_most: int
+        self, visits: FloatArray, ahead: Sequence[Ahead], stairs: Stairs, n_most: int
     ) -> tuple[bool, int]:
         """Raise stairs above all trails; return whether that ended, and how many were found."""
         ended, trails = self.relaxation.raise_stairs(self.spread(visits), ahead, stairs, n_most)

@@ -1,11 +1,13 @@
 """Lines that no plan lies above, found by column generation.
 
-Prices π of visits and mu of survival bound every team of j robots whose survivals sum to x or more:
+Prices f_v of visits and mu of survival bound every team of j robots whose survivals sum to x or
+more (Lagrangian duality):
 
-    E[R] ≤ Σ_v max (r_v (1 − Π_k (1 − q_kv)) − Σ_k π_v(q_kv)) + j · θ − mu · x,
+    E[R] ≤ r_base + Σ_v c_v + j · θ − mu · x,
+    c_v = max over p of r_v (1 − Π_k (1 − p_k)) − Σ_k f_v(p_k).
 
-where no trail is worth more than θ under them (Lagrangian duality). A linear programme over known
-trails sets the prices, and relaxed trails bound θ and join it.
+No trail is worth more than θ. One that survives with s is worth Σ_v f_v(p_v) + mu · s. A linear
+programme over known trails sets the prices. Relaxed trails bound θ, and join the programme.
 """
 
 from __future__ import annotations
@@ -96,9 +98,9 @@ class LineProver:
         self._programmes: dict[tuple[int, bool], LinesProgramme] = {}
 
     def prove(self, target: Target, certificate: Certificate) -> Facts:
-        """Prove lines for a target, and tell which relaxed trails repeat something.
+        """Prove lines for a target; tell which relaxed trails kept the first ones from being lower.
 
-        Where searches end, it does not matter what relaxed trails repeat.
+        They are told also where searches end, and prove lines without relaxed trails.
         """
         pool, x, moving = self._ground.pool, target.x, target.moving
         best = self._ground.lowest(certificate, moving, x)
@@ -119,10 +121,8 @@ class LineProver:
         """
         ground, moving, x = self._ground, target.moving, target.x
         pool, tidy = ground.pool, ground.team(moving).tidy
-        programme = self._programmes.pop((moving, relaxed), None)
-        if programme is None:  # or another thread has it
-            programme = LinesProgramme(ground, moving, relaxed=relaxed)
-        programme = programme.renewed(ground)
+        last = self._programmes.pop((moving, relaxed), None)  # None if another thread has it
+        programme = (last or LinesProgramme(ground, moving, relaxed=relaxed)).renewed(ground)
         programme.aim(x)
         # A search is the likeliest to end at the best prices so far.
         value, found = np.inf, list[PricedLine]()
@@ -132,8 +132,8 @@ class LineProver:
             least += ground.base_reward
             if bound - least < tolerance * bound or ground.deadline.is_over():
                 break
-            prices = best.towards(wanted, step)
-            prices = Prices(tidy(prices.visits), prices.mu)
+            visits = (1 - step) * best.visits + step * wanted.visits
+            prices = Prices(tidy(visits), (1 - step) * best.mu + step * wanted.mu)
             priced = self._price(prices, relaxed, target.effort)
             if priced is None:
                 step /= _NEARER

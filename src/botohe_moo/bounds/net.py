@@ -21,7 +21,7 @@ _LEAST_REACH = 1e-290  # it is divided by reach, which underflows on long ways
 
 
 class Piece(NamedTuple):
-    """Nodes between bridges, which a trail can enter once only.
+    """Nodes that no bridge (an edge without a way round) separates; a trail enters them once.
 
     The first piece is that of the base, with −1 for everything about its bridge.
     """
@@ -191,18 +191,28 @@ _NEAREST, _COMPARED = 8, 24  # bits that nodes remember at first, of so many nod
 
 
 class RelaxedTrail(NamedTuple):
-    """A trail that may repeat what it has forgotten."""
+    """A walk from the base that may repeat arcs, and be paid again for what it has forgotten.
+
+    It need not come home.
+    """
 
     arcs: list[int]
     paid: list[bool]  # whether the visit at the head of each arc pays
 
 
 class Remembered:
-    """The bits that each node remembers: first its own, and some of near ones, ``n_bits`` at most.
+    """What each node remembers: bits of its own first, then of near nodes, ``n_bits`` at most.
 
-    Bits are the rewards of the node's own piece, and the arcs from it into other pieces, each of
-    which stands for an excursion. ``worth`` is the most that each can pay. What other arcs were
-    taken is not remembered: it pays nothing.
+    Bit v is the reward of node v. Bit n_nodes + a is the excursion that begins with arc a, which
+    leads into another piece. Nodes remember bits of their own piece only. Other arcs are not
+    remembered, since they pay nothing.
+
+    Attributes
+    ----------
+    bits
+        The bits of each node.
+    worth
+        What each bit can pay at most.
     """
 
     def __init__(self, net: Net, n_bits: int) -> None:
@@ -248,8 +258,6 @@ class Remembered:
         first_kept = [0]
         adds, unpaid, barred = np.zeros((3, graph.n_arcs), np.int64)
         ends = np.where(pieces.into >= 0, graph.tail, graph.head)
-        pays = graph.reward > 0.0
-        pays[pieces.entry] = False
         for arc, (tail, end) in enumerate(zip(graph.tail.tolist(), ends.tolist(), strict=True)):
             before, after = places[tail], places[end]
             if pieces.of[tail] == pieces.of[end]:
@@ -257,7 +265,7 @@ class Remembered:
             first_kept.append(len(kept))
             bit = n_nodes + arc if pieces.into[arc] >= 0 else end
             adds[arc] = 1 << after[bit] if bit in after else 0
-            unpaid[arc] = before.get(end, NONE) if pays[end] else NEVER
+            unpaid[arc] = before.get(end, NONE) if end in self.worth else NEVER
             barred[arc] = before.get(n_nodes + arc, NONE)
         pairs: OffsetArray = np.array(kept, np.int64).reshape(-1, 2)
         n_bits = np.array([len(bits) for bits in self.bits])

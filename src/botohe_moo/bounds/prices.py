@@ -16,11 +16,10 @@ import numpy as np
 
 from botohe_moo.base.types import BoolArray, FloatArray, OffsetArray
 from botohe_moo.bounds.front_bound import convex_below
-from botohe_moo.bounds.kernels.states import ROUNDING, Net
+from botohe_moo.bounds.kernels.states import EPSILON, ROUNDING, Net
 from botohe_moo.bounds.kernels.trails import follow_trails
 from botohe_moo.bounds.net import RelaxedTrail
 
-_EPSILON = float(np.finfo(float).eps)
 _TIDIED = 3  # rounds of lowering prices before they are made convex
 _TINY = float(np.finfo(float).tiny)  # the rounding of numbers that are almost 0
 
@@ -31,11 +30,6 @@ class Prices(NamedTuple):
     visits: FloatArray  # (n_nodes that pay, n_levels + 1)
     mu: float
 
-    def towards(self, other: Prices, share: float) -> Prices:
-        """Return prices that lie a share of the way from these to others."""
-        visits = (1 - share) * self.visits + share * other.visits
-        return Prices(visits, (1 - share) * self.mu + share * other.mu)
-
 
 def most_levels(n_robots: int, n_levels: int, most: int) -> int:
     """Return the largest number of levels, at most ``n_levels``, with few enough configurations."""
@@ -45,10 +39,23 @@ def most_levels(n_robots: int, n_levels: int, most: int) -> int:
 
 
 class PricedTeam:
-    """What nodes give a team of ``n_robots`` in each configuration of their levels.
+    """What nodes give a team of ``n_robots``, by the levels at which its robots reach them.
 
-    The probability that a robot of the team reaches a node is linear in that of each robot, and
-    prices are convex. So the most is gained beside prices where all robots are at levels.
+    A configuration says how many robots reach a node at each level. The node then gives its
+    expected reward less what the robots are paid: this is meant by *beside prices*. With the other
+    robots fixed, it is linear in one robot's probability between two levels. So it is the largest
+    where all robots are at levels.
+
+    Attributes
+    ----------
+    nodes, reward
+        The nodes that pay, and their rewards (n_nodes).
+    alive
+        The probability of each level (n_nodes, n_levels + 1).
+    counts
+        How many robots are at each level (n_configurations, n_levels + 1).
+    gains
+        The expected rewards, before payment (n_nodes, n_configurations).
     """
 
     def __init__(self, net: Net, n_robots: int, n_levels: int) -> None:
@@ -84,16 +91,17 @@ class PricedTeam:
     def most(self, prices: FloatArray) -> FloatArray:
         """Return the most that is gained beside prices at each node, rounded up (n_nodes)."""
         terms = 2 * self.n_robots + 5 * self.n_levels + 9  # with some roundings for each power
-        spare = terms * _EPSILON * (self.reward + self.n_robots * prices[:, -1])
+        spare = terms * EPSILON * (self.reward + self.n_robots * prices[:, -1])
         most: FloatArray = self.beside(prices).max(axis=1) + spare + _TINY
         return most
 
     def tidy(self, prices: FloatArray) -> FloatArray:
         """Lower prices where the most that is gained beside them stays, and make them convex.
 
-        Trails are worth less then, and the bound is lower.
-        The price at a level may fall until some configuration of the other robots gains more. All
-        robots pay the same prices, so a price falls by the share of one robot.
+        Trails are worth less then, and the bound is lower. If the others miss the node with
+        probability m and are paid f, the price at probability a has to be at least
+        reward · (1 − (1 − a) · m) − f − most. All robots are paid the same prices, so each time a
+        price falls by one robot's share. Chords between corners of a price gain no more than these.
         """
         most = self.beside(prices).max(axis=1)
         slope = self.reward[:, None] * self._others_miss
@@ -184,18 +192,17 @@ class Pool:
         key += np.round(alive, 12).tobytes()
         with self._lock:
             number = self._known.setdefault(key, len(self._visits))
-            is_new = number == len(self._visits)
-            if is_new:
+            if number == len(self._visits):
                 self._visits.append(visits)
                 self._relaxed.append(relaxed)
-                self._is_dropped.append(False)
-            is_back = self._is_dropped[number]
+                self._is_dropped.append(True)  # until it is taken in below
+            is_new = self._is_dropped[number]
             becomes_true = relaxed is None and self._relaxed[number] is not None
-            if is_new or is_back or becomes_true:
+            if is_new or becomes_true:
                 self._is_dropped[number], self._trails = False, None
             if becomes_true:
                 self._relaxed[number] = None
-            return visits, is_new or is_back
+            return visits, is_new
 
     def trails(self) -> Trails:
         """Return all trails that are known at present."""

@@ -49,7 +49,8 @@ class Programme:
         self._lp.setOptionValue("simplex_dual_edge_weight_strategy", _DEVEX)
         self._lp.addVars(len(cost), np.zeros(len(cost)), self._upper)
         self._lp.changeColsCost(len(cost), np.arange(len(cost), dtype=np.int32), cost)
-        self.rows: list[Hashable] = []  # what each row is known by
+        # Their names: ("gains", node, configuration), ("trail", number, …), or None.
+        self.rows: list[Hashable] = []
         self._least: list[float] = []
         for node in range(n_nodes):
             self._shape_prices(node)
@@ -64,12 +65,10 @@ class Programme:
         first = node * n_levels
         for level in range(1, n_levels):
             columns = [first + level, first + level - 1, first + level - 2]
-            used = 3 if level > 1 else 2
-            self.add(None, 0.0, columns[:used], [1.0, -2.0, 1.0][:used])
+            self.add(None, 0.0, columns[: level + 1], [1.0, -2.0, 1.0][: level + 1])
         steepest = team.reward[node] * team.alive[node, 1]
         last = first + n_levels - 1
-        used = 2 if n_levels > 1 else 1
-        self.add(None, -steepest, [last, last - 1][:used], [-1.0, 1.0][:used])
+        self.add(None, -steepest, [last, last - 1][:n_levels], [-1.0, 1.0][:n_levels])
 
     def add(self, name: Hashable, least: float, columns: list[int], weights: list[float]) -> None:
         """Add a row: the weighted sum of some columns is at least ``least``."""
@@ -124,7 +123,7 @@ class Programme:
         return n
 
     def tight(self) -> list[Hashable]:
-        """Return the names of rows that the last solution just keeps: without them it changes."""
+        """Return the names of the rows that the last solution fulfils with equality."""
         value = np.array(self._lp.getSolution().row_value)
         if len(value) != len(self.rows):  # no solution
             return []

@@ -30,7 +30,7 @@ _EXACT_SHARE = 0.05  # for the true front
 _EXACT_SECONDS = 10.0  # at most: missions of the library that are solved at all take 5 or less
 _SEARCH_SHARE = 0.05  # to find trails
 # What work is counted as, on a usual processor.
-_PORTIONS_A_SECOND, _MOST_PORTIONS = 50, 1_000_000  # of the search for the true front
+_PORTIONS_A_SECOND = 50  # of the search for the true front
 _SECONDS_A_STOP = 5e-9  # to evaluate a plan, for each node and robot
 _EVALUATIONS = 100_000  # plans that the search for trails evaluates at most
 _LEAST_LEVELS, _MOST_LEVELS = 4, 12  # of prices
@@ -44,7 +44,7 @@ NOTE = "Robots are bounded as if each were the best of all kinds, and rewards co
 
 
 class Proof:
-    """Proves a bound of a mission: that of ``bounded``, where its plans are among the mission's."""
+    """Proves a bound on the front of ``bounded``; a plain ``mission`` has all of its plans."""
 
     def __init__(
         self,
@@ -78,8 +78,8 @@ class Proof:
         Prices have ``n_levels``.
         """
         net = self._net
-        # For each thread two tables of what lies ahead, beyond bridges for each slope, and their
-        # copies for searches; and the links.
+        # Bytes for a state in each thread: two tables of what lies ahead with 8 bytes a level, for
+        # each slope if there are bridges; and the links.
         per_state = 16.0 * (LEVELS + n_levels + 1)
         if len(net.pieces.of_option) > 0:
             per_state *= MOST_SLOPES
@@ -91,17 +91,17 @@ class Proof:
         given = net, n_bits, self._random_state, self.deadline
         relaxation = Relaxation(*given, fits, n_masks, n_labels)
         pool, robots = Pool(net, n_levels), self._mission.robots
-        return Ground(relaxation, pool, robots, self._base_reward, self.unit, self.deadline)
+        return Ground(relaxation, pool, robots, self._base_reward, self.unit)
 
     def find_front(self) -> bool:
         """Take the true front as the bound; return whether a share of the time sufficed for it."""
         mission = self._mission
         seconds = min(_EXACT_SHARE * self.deadline.seconds, _EXACT_SECONDS)
-        # Portions decide, unless they take twice as long as they usually do.
+        # The number of calls of ``advance`` decides, unless they take twice as long as usual.
         memory = self._memory / _MIB
         world = self._world.with_limits(self._world.limits.loosened(ROUNDING))
         search = FrontSearch(mission, world, time_limit=2 * seconds, memory_limit=memory)
-        n_portions = int(min(_MOST_PORTIONS, 1 + _PORTIONS_A_SECOND * seconds))
+        n_portions = int(1 + _PORTIONS_A_SECOND * seconds)
         with suppress(TooLargeError):
             while search.plans is None and n_portions > 0:
                 search.advance()
@@ -151,11 +151,8 @@ class Proof:
         unit, certificate, notes = self.unit, self.certificate, [*self._notes]
         if self.ground.relaxation.is_full:
             notes.append("Relaxed trails remember less than they would with more memory.")
-        lines = (
-            line._replace(most=line.most * unit, mu=line.mu * unit)
-            for own in certificate.lines
-            for line, _ in own
-        )
+        own = (line for each in certificate.lines for line, _ in each)
+        lines = (line._replace(most=line.most * unit, mu=line.mu * unit) for line in own)
         steps = (step._replace(most=step.most * unit) for step in certificate.steps())
         return FrontBound(
             mission=self._bounded,

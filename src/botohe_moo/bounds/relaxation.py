@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
-from typing import NamedTuple, TypeAlias, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from botohe_moo.bounds.kernels.labels import (
     raise_by_labels,
 )
 from botohe_moo.bounds.kernels.relaxed import Rule, Tables, Worth, follow, look_ahead
-from botohe_moo.bounds.kernels.states import Net, States, find_states
+from botohe_moo.bounds.kernels.states import EPSILON, Net, States, find_states
 from botohe_moo.bounds.kernels.trails import (
     Completions,
     Stairs,
@@ -31,7 +31,6 @@ from botohe_moo.bounds.kernels.trails import (
 from botohe_moo.bounds.net import MOST_SLOPES, RelaxedTrail, Remembered
 
 _SLACK = 1e-9  # in shares of all reward: stairs are raised by as much more, to skip equal trails
-_EPSILON = float(np.finfo(float).eps)
 _TOLERANCE = 1e-9  # in shares of all reward: values are raised only where they rise by more
 _Scratch = TypeVar("_Scratch")
 
@@ -47,7 +46,7 @@ _FIRST_STATES = 15_000  # of relaxed trails at first
 _MOST_STATES = 40_000  # of relaxed trails that have learned what to remember
 _MOST_MASKS = 50_000_000  # of all nodes together
 _N_SEEN = 1 << 18  # sets of arcs that a depth-first search recognises when it meets them again
-# When relaxed trails remember more, there are at most so many states, or so many times as many.
+# When relaxed trails learn, states grow to the larger of this number and this many times as many.
 _FREE_STATES, _GROWTH = 4_000, 1.5
 BYTES_A_LABEL = 40.0  # three floats, and three integers of 4 bytes
 MOST_LABELS = 1 << 20  # that are kept at once
@@ -62,10 +61,10 @@ MOST_LINES = 8  # prices under which a search bounds what lies ahead
 
 
 class Ahead(NamedTuple):
-    """Bounds on trails under some prices.
+    """What lies ahead of each state, at most, under some prices.
 
-    From a state of the base's piece, alive with probability p, the rest of a trail is worth at most
-    ``values`` there, between two levels their chord, and ``spare``.
+    The rest of a trail, in a state of the base's piece and alive with probability p, is worth at
+    most ``values`` at p plus ``spare``. Between two levels, values lie on chords.
     """
 
     states: States  # of relaxed trails, as far as they remembered then
@@ -74,18 +73,14 @@ class Ahead(NamedTuple):
     values: FloatArray  # of the base's piece (n_states there, n_levels + 1)
     spare: float  # what has to be added to values, for rounding and tolerance
     most: float  # no trail is worth more, with ``spare``
-
-
-# Bounds under several prices, of the same states, for searches under prices of their own. Each has
-# the most by which these exceed its prices at each node (n_nodes).
-BoundLines: TypeAlias = Sequence[tuple[Ahead, FloatArray]]
+    beside: FloatArray  # by how much at most a search's prices exceed these (n_nodes)
 
 
 class Relaxation:
-    """Relaxed trails of a mission, which remember ``n_bits`` of their own at each node, and learn.
+    """Relaxed trails of a mission, which learn what to remember: ``n_bits`` at each node at first.
 
-    There is room for as many of their states as ``fits`` says, for ``n_masks`` masks of bits, of
-    which each node has all, whether they are reached or not, and for ``n_labels`` labels.
+    ``fits`` limits their states, ``n_masks`` the masks of all nodes together (2 ** bits for each
+    node), and ``n_labels`` the labels.
     """
 
     def __init__(
@@ -98,7 +93,7 @@ class Relaxation:
         n_masks: int,
         n_labels: int,
     ) -> None:
-        self.net, self._deadline = net, deadline
+        self.net, self.deadline = net, deadline
         self._n_masks = max(net.graph.n_nodes, min(_MOST_MASKS, n_masks))
         n_nodes = net.graph.n_nodes
         self._most_states = max(n_nodes + 1, min(_MOST_STATES, fits))
@@ -133,28 +128,20 @@ class Relaxation:
         tables = new_tables(net, states, prices.shape[1] - 1)
         values = np.zeros((len(mus), int(states.begin[1]), prices.shape[1]))
         short = look_ahead(net, states, prices, np.array(mus), rule, tables, values)
-        self._deadline.work += _SECONDS_A_VALUE * (values.size + tables.values.size)
-        return [
-            self._ahead(states, Worth(prices, mu), tables, own, short)
-            for mu, own in zip(mus, values, strict=True)
-        ]
-
-    def _ahead(
-        self, states: States, worth: Worth, tables: Tables, values: FloatArray, short: float
-    ) -> Ahead:
-        """Return a bound, with what rounding and tolerance may have taken from it.
-
-        A step adds some ten roundings. One of a level counts for each level, since a price may rise
-        in the last one alone. A trail has at most as many steps as there are arcs, and excursions
-        add one each.
-        """
-        n_arcs, n_levels = self.net.graph.n_arcs, values.shape[1] - 1
-        scale = self.total + worth.mu + float(values.max(initial=0.0))
-        scale += float(tables.values.max(initial=0.0))
-        spare = 2 * n_arcs * (short + (36 + 4 * n_levels) * _EPSILON * scale)
-        room = np.empty(2, np.int64), np.empty(2, np.int64)
-        _, best = follow(self.net, states, worth, tables, values, -1, *room)
-        return Ahead(states, worth, tables, values, spare, best + spare)
+        self.deadline.work += _SECONDS_A_VALUE * (values.size + tables.values.size)
+        # A step adds some ten roundings, for which 36 leave room. An error in a level counts once
+        # for each level, since a price may rise in the last one alone. A trail has at most as many
+        # steps as there are arcs, and excursions add one each.
+        n_arcs, n_levels, found = net.graph.n_arcs, prices.shape[1] - 1, list[Ahead]()
+        room, none = (np.empty(2, np.int64), np.empty(2, np.int64)), np.zeros(net.graph.n_nodes)
+        for mu, own in zip(mus, values, strict=True):
+            worth = Worth(prices, mu)
+            scale = self.total + mu + float(own.max(initial=0.0))
+            scale += float(tables.values.max(initial=0.0))
+            spare = 2 * n_arcs * (short + (36 + 4 * n_levels) * EPSILON * scale)
+            _, best = follow(net, states, worth, tables, own, -1, *room)
+            found.append(Ahead(states, worth, tables, own, spare, best + spare, none))
+        return found
 
     def best_trails(self, ahead: Ahead) -> list[RelaxedTrail]:
         """Return the best relaxed trail and similar ones, in which visits worth nothing do not pay.
@@ -181,20 +168,20 @@ class Relaxation:
         """
         stairs = Stairs(np.array([least]), width=np.inf, least=0.0)  # one step, which is raised
         # A bound without prices of survival, and without anything beside prices.
-        line = ahead._replace(worth=ahead.worth._replace(mu=0.0)), np.zeros(self.net.graph.n_nodes)
+        line = ahead._replace(worth=ahead.worth._replace(mu=0.0))
         rule = TrailRule(every=False, slack=0.0, n_most=n_most)
         ended, arcs, n_arcs = self._search(ahead.worth, [line], stairs, rule)
-        last = _as_lists(arcs[-1:], n_arcs[-1:])
-        return ended, float(stairs.heights[0]) + ahead.spare, last[0] if last else []
+        last = arcs[-1, : n_arcs[-1]].tolist() if len(arcs) else []
+        return ended, float(stairs.heights[0]) + ahead.spare, last
 
     def raise_stairs(
-        self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int
+        self, prices: FloatArray, lines: Sequence[Ahead], stairs: Stairs, n_most: int
     ) -> tuple[bool, list[list[int]]]:
         """Raise stairs above all trails; return whether the search has ended, and trails found."""
         rule = TrailRule(every=False, slack=_SLACK * self.total, n_most=n_most)
-        ended, *found = self._search(Worth(prices, mu=0.0), lines, stairs, rule)
-        stairs.heights[:] += max(ahead.spare for ahead, _ in lines)
-        return ended, _as_lists(*found)
+        ended, arcs, n_arcs = self._search(Worth(prices, mu=0.0), lines, stairs, rule)
+        stairs.heights[:] += max(ahead.spare for ahead in lines)
+        return ended, [row[:n].tolist() for row, n in zip(arcs, n_arcs.tolist(), strict=True)]
 
     def raise_by_labels(
         self, prices: FloatArray, lines: Sequence[Ahead], stairs: Stairs, effort: int
@@ -203,8 +190,9 @@ class Relaxation:
 
         All lines are under the same prices of visits. Each link that a trail takes loses one
         tolerance at most, when a label is left out in favour of another that is worth less. There
-        are at most as many links as arcs, as an excursion is one for two arcs. Twice as much is
-        added, what rounding takes from what lies ahead, and as much again for labels.
+        are at most as many links as arcs, as an excursion is one for two arcs. So half of ``_LOSS``
+        is lost at most, and all of it is added. ``spare`` is added twice: for what lies ahead, and
+        for labels.
         """
         net, states = self.net, lines[0].states
         with _lent(self._labels, self._new_labels) as labels:
@@ -212,7 +200,7 @@ class Relaxation:
                 net=net,
                 states=states,
                 prices=prices,
-                ahead=completions([(each, np.zeros(net.graph.n_nodes)) for each in lines]),
+                ahead=completions(lines),
                 stairs=stairs,
                 corners=new_corners(len(stairs.heights), len(lines)),
                 most=np.empty(len(lines)),
@@ -224,7 +212,7 @@ class Relaxation:
                 fine=_FINE / effort,
                 n_most=0,
             )
-            ended = self._deadline.run(
+            ended = self.deadline.run(
                 lambda n_most: raise_by_labels(search._replace(n_most=n_most)),
                 _MOST_OUTCOMES * effort,
                 _SECONDS_AN_OUTCOME,
@@ -233,28 +221,28 @@ class Relaxation:
         return ended
 
     def find_all(
-        self, prices: FloatArray, lines: BoundLines, stairs: Stairs, n_most: int
+        self, prices: FloatArray, lines: Sequence[Ahead], stairs: Stairs, n_most: int
     ) -> tuple[OffsetArray, OffsetArray] | None:
         """Find all trails above the stairs.
 
         Returns their arcs (n, n_arcs), and how many they are (n); None where they are too many.
         """
-        spare = max(ahead.spare for ahead, _ in lines) + _SLACK * self.total
+        spare = max(ahead.spare for ahead in lines) + _SLACK * self.total
         lowered = stairs._replace(heights=stairs.heights - spare)
         rule = TrailRule(every=True, slack=0.0, n_most=n_most)
         ended, arcs, n_arcs = self._search(Worth(prices, mu=0.0), lines, lowered, rule)
         return (arcs, n_arcs) if ended else None
 
     def _search(
-        self, worth: Worth, lines: BoundLines, stairs: Stairs, rule: TrailRule
+        self, worth: Worth, lines: Sequence[Ahead], stairs: Stairs, rule: TrailRule
     ) -> tuple[bool, OffsetArray, OffsetArray]:
         """Search for trails; return whether the search ended, and what it has found.
 
         These are the arcs of trails (n, n_arcs), and how many they are (n).
         """
-        given = self.net, lines[0][0].states, worth, completions(lines), stairs
+        given = self.net, lines[0].states, worth, completions(lines), stairs
         with _lent(self._depths, self._new_depths) as depths:
-            ended = self._deadline.run(
+            ended = self.deadline.run(
                 lambda n_most: find_trails(*given, rule._replace(n_most=n_most), depths),
                 rule.n_most,
                 _SECONDS_A_MOVE,
@@ -312,20 +300,15 @@ def _lent(free: list[_Scratch], new: Callable[[], _Scratch]) -> Iterator[_Scratc
         free.append(scratch)
 
 
-def _as_lists(arcs: OffsetArray, n_arcs: OffsetArray) -> list[list[int]]:
-    """Return trails as lists of their arcs."""
-    return [row[:n].tolist() for row, n in zip(arcs, n_arcs.tolist(), strict=True)]
-
-
-def completions(lines: BoundLines) -> Completions:
-    """Return bounds under several prices as the kernel takes them."""
-    unique = {id(ahead.tables): ahead.tables for ahead, _ in lines}
+def completions(lines: Sequence[Ahead]) -> Completions:
+    """Return bounds under several prices, all of the same states, as the kernel takes them."""
+    unique = {id(ahead.tables): ahead.tables for ahead in lines}
     numbers = {key: number for number, key in enumerate(unique)}
     return Completions(
-        np.stack([ahead.values for ahead, _ in lines]),
-        np.array([ahead.worth.mu for ahead, _ in lines]),
-        np.stack([beside for _, beside in lines]),
-        np.array([numbers[id(ahead.tables)] for ahead, _ in lines]),
+        np.stack([ahead.values for ahead in lines]),
+        np.array([ahead.worth.mu for ahead in lines]),
+        np.stack([ahead.beside for ahead in lines]),
+        np.array([numbers[id(ahead.tables)] for ahead in lines]),
         *(np.stack(arrays) for arrays in list(zip(*unique.values(), strict=True))[2:]),
     )
 

@@ -76,7 +76,11 @@ class Known:
 
 
 class CellTargets:
-    """Cells of the range of E[S], each for the numbers of moving robots that bound it there."""
+    """Targets in equal cells of the range of E[S], each tried once.
+
+    A cell is tried with each number of moving robots whose bound is the highest anywhere in it. A
+    target lies where the cell begins for stairs, and in the middle for lines.
+    """
 
     def __init__(self, known: Known, n_cells: int, effort: int, *, stairs: bool) -> None:
         self._known, self._n_cells, self._effort = known, n_cells, effort
@@ -99,8 +103,7 @@ class CellTargets:
                     survivors = float(known.survivors[at[len(at) // 2]])
                     if self._is_stairs:
                         survivors = cell / self._n_cells * known.robots
-                    x = survivors - (known.robots - moving)
-                    x = max(x, 0.0, moving * bound.min_survival)
+                    x = max(survivors - (known.robots - moving), 0.0, moving * bound.min_survival)
                     return Target(moving, x, effort=self._effort), (cell, moving)
         return None
 
@@ -111,10 +114,10 @@ class CellTargets:
 
 
 class StepTargets:
-    """Steps behind known plans, each with the E[R] of the next one as its goal.
+    """Targets just above the E[S] of known plans; the goal is the E[R] of the next plan above.
 
-    Where that is too hard, the goals of those just above and of all before it are raised, and in
-    the end their effort.
+    Where one is too hard, its goal is raised, and so are those of all before it and of near ones
+    after it. In the end their effort is raised instead.
     """
 
     def __init__(self, known: Known, ground: Ground) -> None:
@@ -177,6 +180,7 @@ class StepTargets:
 
 
 Prover: TypeAlias = LineProver | StairsProver | TeamProver
+# ``take`` gives a target and its place; ``judge`` hears how the attempt at that place went.
 Targets: TypeAlias = CellTargets | StepTargets
 
 
@@ -257,7 +261,7 @@ class Schedule:
                             judging.judge(place, facts, has_learned)
                         bound, now = look()
                     speeds = {each: _AGES * speed for each, speed in speeds.items()}
-                    if kind in speeds:
+                    if kind in speeds:  # the fall of the gap's logarithm for each second of work
                         closed = (1.0 + _LEAST_CLOSED) * min(before, 1e300) / max(now, 1e-300)
                         speeds[kind] = math.log(closed) / max(deadline.work - began, 1e-9)
             except BaseException:

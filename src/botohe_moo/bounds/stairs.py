@@ -1,12 +1,13 @@
 """Stairs: what a trail is worth at most that survives with s or more, under given prices.
 
-Step b is about survivals from b · width to (b + 1) · width, and heights never rise. A team of j
+Step b is for trails with survivals from b · width to (b + 1) · width. Heights never rise, so that
+height b bounds all trails that survive with b · width or more. A team of j
 robots whose survivals sum to x or more collects at most what nodes give beside prices, and the best
 sum of j heights whose steps may survive so:
 
     E[R] ≤ r_base + Σ_v c_v + max {Σ_k heights[b_k] : Σ_k b_k ≥ ⌊x / width⌋ − j + 1}.
 
-Unlike a line, stairs keep the team's survival whole.
+A line needs a price of survival; stairs need none, since the team's sum is a constraint.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from botohe_moo.bounds.ground import MOST_SUMMED, N_STEPS, Ground, Target
 from botohe_moo.bounds.kernels.trails import Stairs
 from botohe_moo.bounds.prices import Pool, Prices
 from botohe_moo.bounds.programme import Programme
-from botohe_moo.bounds.relaxation import MOST_LINES, BoundLines
+from botohe_moo.bounds.relaxation import MOST_LINES, Ahead
 
 _BINS = 100  # of survival, in the linear programme
 _MOST_SOLVED = 60  # times that the programme is solved for one pool
@@ -145,6 +146,8 @@ class StairsProver:
         programme = StairsProgramme(ground, target)
         start = ground.lowest(certificate, moving, x)
         found, n_idle = list[Sums](), 0
+        # ``share``: how far goals are from the programme's value; ``stay``: how much of ``centre``
+        # stays.
         best, share, stay = np.inf, _FIRST_SHARE, 1.0
         centre = self._centres.get((moving, x), start.visits)
         bound = certificate.bound(moving, x)
@@ -170,7 +173,7 @@ class StairsProver:
                 goal = low + _BEYOND * abs(bound - low)
             floor = self._lifted(known, teams, moving, goal - beside)
             ahead = ground.look_ahead_around(Prices(visits, start.mu))
-            stairs = Stairs(floor, ground.width, self._first_step(moving, x))
+            stairs = Stairs(floor, ground.width, self._first_survival(moving, x))
             ended, n_found = self._raise(visits, ahead, stairs, target.effort, relaxed=relaxed)
             if not ended:
                 share, stay = _WIDER * share + _FURTHER, _STAY
@@ -209,23 +212,23 @@ class StairsProver:
             lines = ground.look_ahead_with(visits, sorted({other.mu for other in others}))
         else:
             beside = [team.to_all(team.most(other.visits)) for other in others]
-            each = map(ground.look_ahead, others)
-            lines = list(zip(each, beside, strict=True))
+            pairs = zip(map(ground.look_ahead, others), beside, strict=True)
+            lines = [each._replace(beside=own) for each, own in pairs]
         stairs = Stairs(ground.known_stairs(visits), ground.width, x)
         ended, _ = self._raise(visits, lines, stairs, target.effort, relaxed=relaxed)
         return Facts(sums=tuple(self._sums(visits, stairs)) if ended else (), is_proved=ended)
 
     def _raise(
-        self, visits: FloatArray, lines: BoundLines, stairs: Stairs, effort: int, *, relaxed: bool
+        self, visits: FloatArray, lines: list[Ahead], stairs: Stairs, effort: int, *, relaxed: bool
     ) -> tuple[bool, int]:
         """Raise stairs above all trails; return whether that ended, and how many were found."""
         ground = self._ground
         if not relaxed:
             return ground.raise_stairs(visits, lines, stairs, _MOST_MOVES * effort)
-        prices, ahead = ground.spread(visits), [each for each, _ in lines]
-        return ground.relaxation.raise_by_labels(prices, ahead, stairs, effort), 0
+        prices = ground.spread(visits)
+        return ground.relaxation.raise_by_labels(prices, lines, stairs, effort), 0
 
-    def _first_step(self, moving: int, x: float) -> float:
+    def _first_survival(self, moving: int, x: float) -> float:
         """Return the survival from which on trails are searched."""
         ground = self._ground
         n_below = max(_MARGIN, moving + 1)
@@ -234,12 +237,12 @@ class StairsProver:
     def _known(self, visits: FloatArray, moving: int, x: float) -> FloatArray:
         """Return the stairs of known trails that survive as a team needs it (N_STEPS)."""
         known = self._ground.known_stairs(visits)
-        first = int(self._first_step(moving, x) / self._ground.width)
+        first = int(self._first_survival(moving, x) / self._ground.width)
         known[:first] = known[min(first, N_STEPS - 1)]
         return known
 
     def _teams(self, stairs: FloatArray, moving: int, x: float) -> FloatArray:
-        """Return the most that a team with a robot on each step is worth (N_STEPS).
+        """Return for each step the most that a team is worth with one robot there (N_STEPS).
 
         Its ``moving`` robots survive with ``x`` together; −inf where they cannot.
         """
@@ -255,7 +258,8 @@ class StairsProver:
 
         The higher they are, the sooner it ends. No team on them is worth more than ``worth``,
         unless known trails are: each robot takes an equal part of what is left to the ``best`` team
-        with its step.
+        with its step. For any team, ``best`` is at least its worth at each of its steps, so that
+        the parts add up to no more than is left.
         """
         room = np.maximum(0.0, worth - best) / moving
         room = np.minimum(room, self._ground.relaxation.total)

@@ -1,8 +1,11 @@
 """Steps that no plan lies above: E[R] where enough survive, by looking at all teams of trails.
 
-Each trail of a team that collects more than a goal is worth at least the goal, less what nodes give
-beside prices, and less the most that the others are worth. All such trails are found, and of these
-the best team.
+If a team of j collects more than a goal, each of its trails k is worth more than
+
+    goal − r_base − Σ_v c_v − max Σ_{i ≠ k} F(s_i),
+
+where the survivals of all sum to x or more, and F(s) bounds what a trail that survives with s is
+worth. All such trails are found, and of these the best team.
 """
 
 from __future__ import annotations
@@ -40,10 +43,9 @@ class TeamProver:
         team, goal = ground.team(moving), target.goal - ground.base_reward
         prices = ground.lowest(certificate, moving, x)
         lines = ground.look_ahead_around(prices)
-        ahead = [each for each, _ in lines]
         goal_beside = goal - float(team.most(prices.visits).sum())
         least = max(0.0, x - (moving - 1) * ground.most_survival)
-        needed = self._needed(moving, x, goal_beside, ahead, None)
+        needed = self._needed(moving, x, goal_beside, lines, None)
         n_most = _MOST_MOVES * target.effort
         for _ in range(_MOST_ROUNDS):
             stairs = np.maximum(ground.known_stairs(prices.visits), needed)
@@ -51,7 +53,7 @@ class TeamProver:
             if not ground.raise_stairs(prices.visits, lines, raised, n_most)[0]:
                 return Facts(is_proved=False)
             before = needed
-            needed = np.maximum(before, self._needed(moving, x, goal_beside, ahead, stairs))
+            needed = np.maximum(before, self._needed(moving, x, goal_beside, lines, stairs))
             if (needed <= before + _HIGHER * ground.relaxation.total).all():
                 break
         above = Stairs(needed, ground.width, least)
@@ -76,9 +78,8 @@ class TeamProver:
         # The others have to survive with the rest of x, at the upper end of the step.
         left = np.maximum(x - (np.arange(N_STEPS) + 1) * ground.width, 0.0)
         each = np.minimum(left / max(1, n_others), ground.most_survival)
-        others = np.full(N_STEPS, np.inf)
-        for line in ahead:
-            others = np.minimum(others, n_others * (line.most - line.worth.mu * each))
+        by_line = [n_others * (line.most - line.worth.mu * each) for line in ahead]
+        others = np.min(by_line, axis=0)
         if stairs is not None:
             most = add_stairs(np.maximum(stairs, 0.0), n_others)
             totals = np.minimum(least_total(left, ground.width, n_others), len(most) - 1)

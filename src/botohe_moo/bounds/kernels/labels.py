@@ -1,9 +1,9 @@
 """Stairs above all trails, by labels of relaxed trails in order of descending survival.
 
-A label is the beginning of a relaxed trail: its state, the probability s to be alive there, and
+A label is the beginning of a relaxed trail: its state, the probability p to be alive there, and
 what it is worth so far, at most all prices together. Prices are convex and 0 at 0, and so they rise
-with s. What can follow does not depend on the past, and is worth the more the higher s is. So a
-label is extended only if it is worth more than all labels of its state before it, whose s was as
+with p. What can follow does not depend on the past, and is worth the more the higher p is. So a
+label is extended only if it is worth more than all labels of its state before it, whose p was as
 high or higher: Desrochers and Soumis, "A generalized permanent labelling algorithm for the shortest
 path problem with time windows", INFOR 26(3), 1988.
 
@@ -33,7 +33,7 @@ from botohe_moo.core.compile import helper, inlined, kernel
 
 _MOST_CORNERS = 256  # of a frontier
 _COARSER = 1.5  # how much more is taken together where a frontier has too many corners
-# What is done in the time in which an outcome is looked at.
+# Steps of stairs, and gates, that are looked at in the time of one outcome.
 _STEPS_AN_OUTCOME, _GATES_AN_OUTCOME = 16, 4
 
 
@@ -84,8 +84,8 @@ class LabelSearch(NamedTuple):
     tolerance: float  # by how much a label has to be worth more than those before it
     slack: float  # stairs are raised by as much more, to skip equal trails
     cap: float  # what no label is worth more than
-    # Ends of excursions are one corner of a frontier if their worth differs by no more than this
-    # share of what a trail above the stairs may be worse than the best.
+    # Ends of excursions whose worth is close are one corner of a frontier. How close: this share of
+    # how much worse than the best a trail above the stairs may be.
     fine: float
     n_most: int  # outcomes of links to look at
 
@@ -213,12 +213,8 @@ def _settle(search: LabelSearch, piece: int, alive: float, least: float, tried: 
     at here; negative where ``n_most`` or the room was not enough.
     """
     net, states, stairs, labels = search.net, search.states, search.stairs, search.labels
-    entry, n_steps, best, worth = (
-        net.pieces.entry[piece],
-        stairs.heights.shape[0],
-        labels.best,
-        labels.worth,
-    )
+    entry, n_steps = net.pieces.entry[piece], stairs.heights.shape[0]
+    best, worth = labels.best, labels.worth
     for state in range(states.begin[piece], states.begin[piece + 1]):
         best[state] = -1.0
     labels.alive[0], labels.state[0], labels.heap[0] = alive, states.begin[piece], 0
@@ -244,7 +240,7 @@ def _settle(search: LabelSearch, piece: int, alive: float, least: float, tried: 
                 first = step_of(least, stairs.width, n_steps)
                 find_corners(stairs, search.ahead.mu, first, search.corners)
                 tried += n_steps // _STEPS_AN_OUTCOME
-        # Beyond a bridge, no trail is alive with more than reach.
+        # Shares found beyond a bridge also serve robots that enter alive with more, up to reach.
         most_alive = here if piece == 0 else here / alive * net.reach[entry]
         for link in range(states.first[state], states.first[state + 1]):
             to = states.to[link]
@@ -302,9 +298,9 @@ def _shortfall(search: LabelSearch, above: int, at: int, level: float, worth: fl
 def _write_frontier(search: LabelSearch, piece: int, at: int, spread: float) -> int:
     """Write the frontier of a piece at level ``at`` of its gate; return what that has cost.
 
-    A corner stands for its first end and those after it that are not worth much more: it has the
-    highest share and the highest worth of them. It may stand for the more, the more excursions are
-    worse than what is best at their gate, if that is more than ``spread``.
+    A corner stands for several ends of similar worth, with the highest share and the highest worth
+    of them. How similar: see ``LabelSearch.fine``. Where these ends are further from the best at
+    their gate than ``spread``, that distance counts instead.
     """
     net, labels, frontiers = search.net, search.labels, search.frontiers
     gate, n_levels = net.pieces.gate[piece], search.prices.shape[1] - 1

@@ -29,7 +29,7 @@ _STEEP = (0.0, 1 / 16, 1.0)  # the first slopes of a hull, as shares of the larg
 
 
 class Worth(NamedTuple):
-    """What a trail is worth: the prices of its visits, and ``mu`` for survival."""
+    """``Prices`` for kernels: for all nodes, and on a finer grid of levels."""
 
     prices: FloatArray  # (n_nodes, n_levels + 1)
     mu: float
@@ -43,7 +43,7 @@ class Tables(NamedTuple):
     there: FloatArray
     paid: FloatArray
     # Of each piece: how many slopes there are (n_pieces), in ascending order (n_pieces, K), and the
-    # first row of the table for each (n_pieces, K).
+    # first row of the table for each (n_pieces, K): state j of piece i has row[i, k] + j.
     n_slopes: OffsetArray
     slope: FloatArray
     row: OffsetArray
@@ -53,9 +53,9 @@ class Tables(NamedTuple):
 class _Level(NamedTuple):
     """One level: what links are worth, a choice of a link for each state, and its value."""
 
-    # A link is worth ``gain`` + ``part`` of its move × what lies ahead of its end. Links whose
-    # robots stay above the level below have a part; those of state s end before ``end[s]``
-    # (n_links, n_moves, n_states).
+    # A link leads to a level below this one, or to this share ``part`` of the way from the level
+    # below to this one: it is worth ``gain`` + ``part`` of its move × what lies ahead of its end.
+    # Links with a part of state s end before ``end[s]`` (n_links, n_moves, n_states).
     gain: FloatArray
     part: FloatArray
     end: OffsetArray
@@ -74,9 +74,9 @@ class Rule(NamedTuple):
     """How values are computed."""
 
     tolerance: float  # values are raised only where they rise by more
-    cap: float  # what no visits ahead are worth more than together
+    cap: float  # what all visits ahead are worth together, at most
     steepest: float  # the largest slope of a hull
-    enough: float  # by how much a hull may lie above the true one, nearly
+    enough: float  # slopes are added until the hull is about this near to the true one
 
 
 @inlined
@@ -337,11 +337,12 @@ def look_ahead(
 ) -> float:
     """Write what excursions are worth, and what lies ahead of each state of the base's piece.
 
-    Pieces come from the outermost inwards, and the base's at the end, for each price of survival
-    (n_mus, n_states there, n_levels + 1). Slopes are added where the lines may lie furthest above
-    the hull, as in sandwich algorithms: Rote, "The convergence rate of the sandwich algorithm for
-    approximating convex functions", Computing 48, 1992. Prices have to be convex. Returns the most
-    by which a value falls short of the best that one step leads to, up to rounding.
+    Pieces come from the outermost inwards, and the base's at the end, for each price of survival:
+    ``values`` has (n_mus, n_states there, n_levels + 1). Slopes are added where the lines may lie
+    furthest above the hull, as in sandwich algorithms: Rote, "The convergence rate of the sandwich
+    algorithm for approximating convex functions", Computing 48, 1992. Prices have to be convex.
+    Returns the most by which a value falls short of the best that one step leads to, up to
+    rounding.
     """
     graph, pieces = net.world.graph, net.pieces
     n_levels, n_arcs = prices.shape[1] - 1, graph.head.shape[0]
@@ -400,27 +401,11 @@ def look_ahead(
 
 @inlined
 def _take(
-    graph: Graph,
-    arcs: OffsetArray,
-    paid: OffsetArray,
-    n: int,
-    arc: int,
-    pays: bool,
-    alive: float,
-) -> float:
-    """Write the next arc of a trail; return the probability to be alive behind it."""
+    graph: Graph, arcs: OffsetArray, paid: OffsetArray, n: int, arc: int, pays: bool, alive: float
+) -> tuple[int, float]:
+    """Write the next arc of a trail; return how many there are, and how likely it is survived."""
     arcs[n], paid[n] = arc, int(pays)
-    return float(alive * graph.mean_survival[arc])
-
-
-@inlined
-def _nearest_slope(tables: Tables, piece: int, wanted: float) -> int:
-    """Return the slope of a piece that is the nearest to some."""
-    nearest = 0
-    for k in range(tables.n_slopes[piece]):
-        if abs(tables.slope[piece, k] - wanted) < abs(tables.slope[piece, nearest] - wanted):
-            nearest = k
-    return nearest
+    return n + 1, float(alive * graph.mean_survival[arc])
 
 
 @kernel
@@ -473,25 +458,21 @@ def follow(
         if best_link < 0:
             if piece == 0:
                 break
-            alive = _take(graph, arcs, paid, n, pieces.back[piece], False, alive)
-            n += 1
+            n, alive = _take(graph, arcs, paid, n, pieces.back[piece], False, alive)
             depth -= 1
             state, k = after[depth], slopes[depth]
-            piece = _piece_of(states, state)
+            piece = pieces.of[states.node[state]]
             continue
         move, to = states.move[best_link], states.to[best_link]
         if move < n_arcs:
-            alive = _take(graph, arcs, paid, n, move, states.pays[best_link], alive)
-            n += 1
+            n, alive = _take(graph, arcs, paid, n, move, states.pays[best_link], alive)
             state = to
             continue
         child = pieces.of_option[move - n_arcs]
         pays = graph.reward[pieces.entry[child]] > 0.0
-        alive = _take(graph, arcs, paid, n, pieces.arc[child], pays, alive)
-        n += 1
+        n, alive = _take(graph, arcs, paid, n, pieces.arc[child], pays, alive)
         if pieces.first_option[child + 1] - pieces.first_option[child] == 1:
-            alive = _take(graph, arcs, paid, n, pieces.back[child], False, alive)
-            n += 1
+            n, alive = _take(graph, arcs, paid, n, pieces.back[child], False, alive)
             state = to
             continue
         # In the piece, survival is worth the slope of what follows.
@@ -501,12 +482,6 @@ def follow(
         wanted = rise * n_levels / net.reach[node] * graph.mean_survival[pieces.back[child]]
         after[depth], slopes[depth] = to, k
         depth += 1
-        k = _nearest_slope(tables, child, wanted)
+        k = int(np.abs(tables.slope[child, : tables.n_slopes[child]] - wanted).argmin())
         state, piece = states.begin[child], child
     return n, most
-
-
-@inlined
-def _piece_of(states: States, state: int) -> int:
-    """Return the piece that a state belongs to."""
-    return int(np.searchsorted(states.begin, state, "right") - 1)

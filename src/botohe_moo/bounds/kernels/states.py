@@ -1,10 +1,10 @@
 """What a relaxed trail remembers: states (node, memory), and the links between them.
 
-Bridges cut the graph into pieces, which form a tree. A trail takes the arc into a piece at most
-once, and has to come back over the same bridge: its part beyond the bridge is an *excursion*. Each
-piece has states of its own, and a link for each excursion that begins in it, which leads back to
-the gate. So nothing beyond a bridge has to be remembered on this side of it, or the other way
-round.
+Bridges (edges without a way round) cut the graph into pieces, which form a tree. A trail takes the
+arc into a piece at most once, and has to come back over the same bridge: its part beyond the bridge
+is an *excursion*. Each piece has states of its own, and a link for each excursion that begins in
+it, which leads back to the gate. So nothing beyond a bridge has to be remembered on this side of
+it, or the other way round.
 
 Inside a piece, a relaxed trail may take an arc any number of times, and collect a node's reward or
 make an excursion more than once where it has forgotten that it did. A memory is a mask of bits. At
@@ -24,6 +24,7 @@ from botohe_moo.core.world import CHECKING, Graph, World
 # What exceeds limits by no more than this, relative, still keeps them. It is twice what searches
 # allow, which multiply and add in another order.
 ROUNDING = 2 * CHECKING
+EPSILON = float(np.finfo(float).eps)
 
 # Instead of a bit.
 NONE = -1
@@ -41,8 +42,9 @@ class Pieces(NamedTuple):
     gate: OffsetArray
     arc: OffsetArray
     back: OffsetArray
-    # Moves of an excursion into piece i are n_arcs + ``first_option[i]`` to n_arcs +
-    # ``first_option[i + 1]``: one if the piece is a dead end of one node (n_pieces + 1).
+    # An option of an excursion is one pair of survival and worth that it may have. Those of piece i
+    # have the moves n_arcs + ``first_option[i]`` to n_arcs + ``first_option[i + 1]``: one if the
+    # piece is a dead end of one node (n_pieces + 1).
     first_option: OffsetArray
     of_option: OffsetArray  # the piece of each option (n_options)
     into: OffsetArray  # the piece that each arc enters over a bridge, or −1 (n_arcs)
@@ -109,9 +111,9 @@ class States(NamedTuple):
 
 
 @inlined
-def _next_mask(memory: Memory, arc: int, mask: int) -> int:
-    """Return the mask behind an arc; −1 where that is barred."""
-    if memory.barred[arc] >= 0 and (mask >> memory.barred[arc]) & 1:
+def _next_mask(pieces: Pieces, memory: Memory, arc: int, mask: int) -> int:
+    """Return the mask behind an arc; −1 where it is barred, or leads back over a bridge."""
+    if pieces.is_back[arc] or (memory.barred[arc] >= 0 and (mask >> memory.barred[arc]) & 1):
         return -1
     after = memory.adds[arc]
     for i in range(memory.first_kept[arc], memory.first_kept[arc + 1]):
@@ -121,9 +123,7 @@ def _next_mask(memory: Memory, arc: int, mask: int) -> int:
 
 @inlined
 def _n_links(pieces: Pieces, arc: int) -> int:
-    """Return how many links an arc gives: none back over a bridge, one for each option into it."""
-    if pieces.is_back[arc]:
-        return 0
+    """Return how many links an arc gives: one, or one for each option of its excursion."""
     into = pieces.into[arc]
     return int(pieces.first_option[into + 1] - pieces.first_option[into]) if into >= 0 else 1
 
@@ -160,11 +160,10 @@ def find_states(net: Net, memory: Memory, n_most: int, n_masks: int) -> States:
         while at < n and n <= n_most:
             tail = node_of[at]
             for arc in order[graph.first[tail] : graph.first[tail + 1]]:
-                n_new = _n_links(pieces, arc)
-                after = _next_mask(memory, arc, mask[at]) if n_new > 0 else -1
+                after = _next_mask(pieces, memory, arc, mask[at])
                 if after < 0:
                     continue
-                n_links += n_new
+                n_links += _n_links(pieces, arc)
                 to = graph.head[arc] if pieces.into[arc] < 0 else tail
                 if number[offset[to] + after] < 0 and n <= n_most:
                     number[offset[to] + after] = n
@@ -180,13 +179,12 @@ def find_states(net: Net, memory: Memory, n_most: int, n_masks: int) -> States:
     for state in range(n):
         tail = node_of[state]
         for arc in order[graph.first[tail] : graph.first[tail + 1]]:
-            n_new, into = _n_links(pieces, arc), pieces.into[arc]
-            after = _next_mask(memory, arc, mask[state]) if n_new > 0 else -1
+            after = _next_mask(pieces, memory, arc, mask[state])
             if after < 0:
                 continue
-            unpaid = memory.unpaid[arc]
+            into, unpaid = pieces.into[arc], memory.unpaid[arc]
             is_paid = unpaid == NONE or (unpaid >= 0 and not (mask[state] >> unpaid) & 1)
-            for i in range(n_new):
+            for i in range(_n_links(pieces, arc)):
                 move[link] = arc if into < 0 else n_arcs + pieces.first_option[into] + i
                 target[link] = number[offset[graph.head[arc] if into < 0 else tail] + after]
                 pays[link] = into >= 0 or is_paid

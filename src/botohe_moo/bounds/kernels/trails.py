@@ -2,7 +2,9 @@
 
 Partial trails that use the same arcs, except inside pieces that they have left, are at the same
 node and can go on in the same ways. One is extended only if none before it was worth as much, alive
-with as high a probability and as short. A set of arcs is recognised by 128 random bits.
+with as high a probability and as short. A set of arcs is recognised by 128 random bits: the
+exclusive or of those of its arcs (Zobrist, "A new hashing method with application for game
+playing", University of Wisconsin, 1970). Two sets are taken for one with probability 2⁻¹²⁸.
 """
 
 from typing import NamedTuple
@@ -27,9 +29,9 @@ _STEP = np.dtype(
     # ``back`` is the arc back from a dead end of one node, and ``pays`` a node that pays; else −1.
     # ``context`` is the depth at which the present excursion began.
     [(name, np.int64) for name in ("state", "link", "arc", "back", "pays", "context")]
-    # Of an excursion that begins at this depth: the state behind it, and the context there.
-    # ``cost`` is −log of the survival, as an integer: sums do not depend on their order.
-    + [(name, np.int64) for name in ("after", "outer", "cost")]
+    # ``after`` is the state behind an excursion that begins at this depth. ``cost`` is −log of the
+    # survival, as an integer: sums do not depend on their order.
+    + [(name, np.int64) for name in ("after", "cost")]
     + [(name, np.float64) for name in ("alive", "value", "length")]
     + [(name, np.uint64) for name in ("low", "high")]
 )
@@ -65,7 +67,8 @@ class Completions(NamedTuple):
 class Stairs(NamedTuple):
     """What a trail must be worth to count, by its survival.
 
-    Step b is for survivals of b · ``width`` or more.
+    A trail with survival s is on step ⌊s / ``width``⌋, and counts if it is worth more than its
+    height.
     """
 
     heights: FloatArray  # which never rise (n_steps)
@@ -89,8 +92,8 @@ class Corners(NamedTuple):
     n: OffsetArray  # how many there are up to each step (n_steps)
     survival: FloatArray  # rounded down (n_steps)
     height: FloatArray  # (n_steps)
-    # What each line is worth without survival, at least, if it exceeds any of the corners so far
-    # (n_steps, n_lines).
+    # For each line the least of height + mu · survival over the corners so far. A trail whose line
+    # begins no higher exceeds none of them (n_steps, n_lines).
     needed: FloatArray
 
 
@@ -126,15 +129,11 @@ class Depths(NamedTuple):
 
 
 def new_depths(
-    net: Net,
-    random_state: np.random.Generator,
-    n_seen: int,
-    n_room: int,
-    n_lines: int,
-    n_levels: int,
+    net: Net, rng: np.random.Generator, n_seen: int, n_room: int, n_lines: int, n_levels: int
 ) -> Depths:
     """Return the scratch for ``n_seen`` sets of arcs, a power of 2, and ``n_room`` trails."""
     n_arcs, n_nodes = net.graph.n_arcs, net.graph.n_nodes
+    cost = np.minimum(-np.log(net.graph.mean_survival), _LARGEST)
     return Depths(
         found=np.zeros(1, _FOUND).view(np.recarray)[0],
         arcs=np.zeros((n_room, n_arcs), np.int32),
@@ -145,10 +144,8 @@ def new_depths(
         corners=np.zeros((2, int(np.diff(net.pieces.first_option).max(initial=1)))),
         used=np.full(n_arcs, -1, np.int64),
         met=np.full(n_nodes, -1, np.int64),
-        keys=random_state.integers(2**64, size=(n_arcs, 2), dtype=np.uint64),
-        cost=np.rint(np.minimum(-np.log(net.graph.mean_survival), _LARGEST) * _UNIT).astype(
-            np.int64
-        ),
+        keys=rng.integers(2**64, size=(n_arcs, 2), dtype=np.uint64),
+        cost=np.rint(cost * _UNIT).astype(np.int64),
         seen=np.zeros(n_seen, _SEEN).view(np.recarray),
     )
 
@@ -163,7 +160,7 @@ def lift(stairs: FloatArray, at: int, value: float) -> None:
 
 @inlined
 def step_of(survival: float, width: float, n_steps: int) -> int:
-    """Return the step that a survival lies on, or the next step where it is on the edge."""
+    """Return the step of a survival; the next one if only rounding keeps it below that."""
     return min(int(survival / width * (1.0 + _EDGE) + _EDGE), n_steps - 1)
 
 
@@ -271,13 +268,6 @@ def _add_left(
 
 
 @inlined
-def _take_back(depths: Depths, depth: int) -> None:
-    """Take the last move of the partial trail back."""
-    last = depths.steps[depth]
-    _mark(depths, last.arc, last.back, last.pays, -1)
-
-
-@inlined
 def _record(depths: Depths, depth: int, arc: int, back: int) -> None:
     """Write the arcs of the partial trail and of one more move; in a full table over the last."""
     row = min(depths.found.n_trails, depths.n_arcs.shape[0] - 1)
@@ -339,9 +329,8 @@ def _bound_ahead(
         for line in range(most.shape[0]):
             most[line] = chord(ahead.values[line], state, level)
         return
-    unit = (
-        net.world.graph.mean_survival[pieces.back[piece]] / net.reach[pieces.gate[piece]] * n_levels
-    )
+    home = net.world.graph.mean_survival[pieces.back[piece]]
+    unit = home / net.reach[pieces.gate[piece]] * n_levels
     local, outside, corners = state - states.begin[piece], depths.ahead[context], depths.corners
     for line in range(most.shape[0]):
         which = ahead.tables[line]
@@ -438,7 +427,7 @@ def find_trails(
         last = steps[depth]
         if last.link == states.first[last.state + 1]:
             if depth > 0:
-                _take_back(depths, depth)
+                _mark(depths, last.arc, last.back, last.pays, -1)
             depth -= 1
             continue
         last.link, link = last.link + 1, last.link
@@ -468,7 +457,7 @@ def find_trails(
                 _record(depths, depth, arc, back)
         context, before = last.context, depth
         if link < states.first[last.state]:
-            context, before = steps[context].outer, context
+            context, before = steps[context - 1].context, context
         elif child >= 0:
             n += _enter(net, states, ahead, depths, depth, states.to[link], child, most) // _LINK
             context = depth + 1
@@ -482,13 +471,12 @@ def find_trails(
         far = length if net.max_length < np.inf else 0.0
         if not rule.every and _is_seen(depths, search, low, high, cost, value, far):
             continue
-        after, outer = states.to[link] if child >= 0 else -1, last.context
         depth += 1
         step = steps[depth]
         step.state, step.arc, step.back, step.pays, step.context = to, arc, back, pays, context
         is_entry = node == pieces.entry[pieces.of[node]] and node != base
         step.link = states.first[to] - (1 if is_entry else 0)
-        step.after, step.outer, step.cost = after, outer, cost
+        step.after, step.cost = states.to[link] if child >= 0 else -1, cost
         step.alive, step.value, step.length, step.low, step.high = alive, value, length, low, high
         _mark(depths, arc, back, pays, search)
     return n if depth < 0 else -n
