@@ -29,7 +29,15 @@ RESULTS = Path(__file__).parents[1] / "results"
 # Nodes of tunnels, and the gaps that are wanted after some seconds, in per cent.
 TUNNELS, TUNNEL_SEEDS = ((45, {60: 1.5, 300: 0.8}), (75, {60: 2.5, 300: 1.2})), (1, 2, 3)
 # Maps that are nearly trees: their nodes, and the gaps that are wanted after some seconds.
-MAPS, MAP_SEEDS = (("rooms", 80, {300: 2.0}), ("mine", 45, {60: 3.0})), (0, 1, 2)
+MAPS: tuple[tuple[str, int, dict[int, float]], ...] = (
+    ("rooms", 45, {60: math.inf}),
+    ("rooms", 80, {300: 2.0}),
+    ("rooms", 110, {120: math.inf}),
+    ("mine", 45, {60: 3.0}),
+    ("mine", 80, {120: math.inf}),
+    ("mine", 110, {120: math.inf}),
+)
+MAP_SEEDS = 0, 1, 2
 # Mission, and seconds with the gap that is wanted then, in per cent; inf where none is.
 CASES: tuple[tuple[str, dict[int, float]], ...] = (
     ("terrain_200", {600: 4.0}),
