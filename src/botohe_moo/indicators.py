@@ -150,10 +150,6 @@ def epsilon_indicator(objectives: ArrayLike, reference: ArrayLike, mission: Scal
     return float(moocore.epsilon_additive(points, ref=targets, maximise=True))
 
 
-def _front_size(objectives: FloatArray, mission: Scale) -> float:  # noqa: ARG001
-    return float(len(objectives))
-
-
 @dataclass(frozen=True)
 class Indicator:
     """An indicator as studies use it: their tables, reports and files follow from it.
@@ -262,24 +258,14 @@ def _not_loaded(*_: Any) -> float:
 
 
 _KNOWN: dict[str, Indicator] = {}  # those of modules
+_DISTANCE: Any = {"higher_is_better": False, "needs_reference": True}
 _OURS = {
     "area": Indicator(
         "area", area_indicator, higher_is_better=True, long_label="area (normalised hypervolume)"
     ),
-    "igd_plus": Indicator(
-        "IGD+",
-        igd_plus_indicator,
-        higher_is_better=False,
-        needs_reference=True,
-    ),
-    "epsilon": Indicator(
-        "epsilon",
-        epsilon_indicator,
-        higher_is_better=False,
-        needs_reference=True,
-        long_label="additive epsilon",
-    ),
-    "front_size": Indicator("front size", _front_size, higher_is_better=None),
+    "igd_plus": Indicator("IGD+", igd_plus_indicator, **_DISTANCE),
+    "epsilon": Indicator("epsilon", epsilon_indicator, **_DISTANCE, long_label="additive epsilon"),
+    "front_size": Indicator("front size", lambda points, _: float(len(points)), None),
 }
 INDICATORS = _Indicators("botohe_moo.indicators", "indicator", own=_OURS)
 

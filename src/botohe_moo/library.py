@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import hashlib
 import json
 import math
 import zlib
@@ -496,12 +495,6 @@ def library_table(names: str | Iterable[str] = "all", *, folder: FilePath = FOLD
         sizes = len(graph), graph.number_of_edges(), known.mission.robots, len(known.objectives)
         rows.append((name, entry.family, entry.size, *sizes, known.area, *certified))
     return pd.DataFrame(rows, columns=columns.split())
-
-
-def library_digest(name: str, *, folder: FilePath = FOLDER) -> str:
-    """Return a digest of the files of a mission, which changes when they do."""
-    paths = _front_file(name, Path(folder)), _bound_file(name, Path(folder))
-    return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()
 
 
 def _front_file(name: str, folder: Path) -> Path:

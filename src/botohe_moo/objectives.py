@@ -61,9 +61,8 @@ class Objectives:
             object.__setattr__(self, field, tuple(getattr(self, field)))
         n = {len(self.names), len(self.bounds), len(self.columns)}
         if len(n) > 1 or min(n) < 2:
-            raise ValueError(
-                f"Expected names, bounds and columns of two objectives or more: {self}."
-            )
+            expected = "names, bounds and columns of two objectives or more"
+            raise ValueError(f"Expected {expected}: {self}.")
         bounds = [check("the bound of an objective", b, NotNegative) for b in self.bounds]
         object.__setattr__(self, "bounds", tuple(bounds))
         if len(set(self.names)) < len(self.names):

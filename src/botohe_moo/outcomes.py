@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, overload
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias, overload
 
 import networkx as nx
 import numpy as np
@@ -67,10 +67,9 @@ class Distribution:
     def __post_init__(self) -> None:
         values, probabilities = np.array(self.values, float), np.array(self.probabilities, float)
         if values.ndim != 1 or values.size == 0 or values.shape != probabilities.shape:
-            raise ValueError(
-                f"Expected as many probabilities as values, at least one, got the shapes "
-                f"{probabilities.shape} and {values.shape}."
-            )
+            expected = "as many probabilities as values, at least one"
+            shapes = f"{probabilities.shape} and {values.shape}"
+            raise ValueError(f"Expected {expected}, got the shapes {shapes}.")
         if not (np.isfinite(values).all() and (np.diff(values) > 0).all()):
             raise ValueError(f"Expected finite values that ascend, got {values}.")
         if not ((probabilities > 0).all() and abs(probabilities.sum() - 1) < 1e-9):
@@ -180,10 +179,8 @@ class Distribution:
     def __repr__(self) -> str:
         source = "exact" if self.n_samples is None else f"from {self.n_samples} samples"
         low, high = self.values[0], self.values[-1]
-        return (
-            f"<Distribution: {len(self.values)} values from {low:g} to {high:g}, "
-            f"mean {self.mean:g}, {source}>"
-        )
+        span = f"{len(self.values)} values from {low:g} to {high:g}"
+        return f"<Distribution: {span}, mean {self.mean:g}, {source}>"
 
 
 Seed: TypeAlias = int | Rng | None
@@ -296,17 +293,16 @@ def survivors_distribution(
     check_mission(mission).evaluate([plan])
     if kind is not None:
         check_choice("kind", kind, [known.name for known in mission.kinds])
-    if mission.scenarios:
-        found = [
-            (p, survivors_distribution(one, plan, kind=kind)) for p, one in mission.in_scenarios
-        ]
-        return _mixture(found)
     counts = [kind in (None, of.name) for of in mission.kind_of]
-    followed = follow(mission, plan)
-    returns = np.sort(followed.alive[followed.offsets[1:][counts] - 1])
-    shares = reduce(np.convolve, [np.array([1 - p, p]) for p in returns])
-    values = np.arange(len(shares), dtype=float)
-    return Distribution(values[shares > 0], shares[shares > 0])
+
+    def in_one(case: Mission) -> Distribution:
+        followed = follow(case, plan)
+        returns = np.sort(followed.alive[followed.offsets[1:][counts] - 1])
+        shares = reduce(np.convolve, [np.array([1 - p, p]) for p in returns])
+        values = np.arange(len(shares), dtype=float)
+        return Distribution(values[shares > 0], shares[shares > 0])
+
+    return _mixture(mission, in_one)
 
 
 def reward_distribution(
@@ -368,23 +364,26 @@ def reward_distribution(
     n_samples = check("n_samples", n_samples, int, ge=1)
     check_mission(mission).evaluate([plan])
     generator = _generator(random_state)
-    if mission.scenarios:
-        how: Any = {"max_outcomes": max_outcomes, "n_samples": n_samples, "random_state": generator}
-        cases = mission.in_scenarios
-        return _mixture([(p, reward_distribution(one, plan, **how)) for p, one in cases])
     # Robots of a kind are identical, so the result must not depend on the order of their trails.
-    followed = follow(mission, TrailPlan(sorted(plan.trails)))
-    try:
-        found = join_robots(mission.rewards, followed, max_outcomes)
-    except TooManyOutcomesError:
-        rewards = _rewards(mission, followed, _draws(followed, n_samples, generator))
-        found = merged(rewards, np.full(n_samples, 1 / n_samples))
-        return Distribution(found.values, found.probabilities, n_samples)
-    return Distribution(found.values, found.probabilities)
+    ordered = TrailPlan(sorted(plan.trails))
+
+    def in_one(case: Mission) -> Distribution:
+        followed = follow(case, ordered)
+        try:
+            return Distribution(*join_robots(case.rewards, followed, max_outcomes)[:2])
+        except TooManyOutcomesError:
+            rewards = _rewards(case, followed, _draws(followed, n_samples, generator))
+            found = merged(rewards, np.full(n_samples, 1 / n_samples))
+            return Distribution(found.values, found.probabilities, n_samples)
+
+    return _mixture(mission, in_one)
 
 
-def _mixture(found: Sequence[tuple[float, Distribution]]) -> Distribution:
-    """Return the distribution over all scenarios, from their probabilities and distributions."""
+def _mixture(mission: Mission, in_one: Callable[[Mission], Distribution]) -> Distribution:
+    """Return the distribution over all scenarios, given that of the mission in each."""
+    if not mission.scenarios:
+        return in_one(mission)
+    found = [(p, in_one(case)) for p, case in mission.in_scenarios]
     values = np.concatenate([one.values for _, one in found])
     chances = np.concatenate([p * one.probabilities for p, one in found])
     both = merged(values, chances / chances.sum())
@@ -431,22 +430,14 @@ def simulate(
     """
     n_missions = check("n_missions", n_missions, int, ge=1)
     check_mission(mission).evaluate([plan])
-    if mission.scenarios:
-        return _simulate_scenarios(mission, plan, n_missions, _generator(random_state))
-    followed = follow(mission, plan)
-    draws = _draws(followed, n_missions, _generator(random_state))
-    return _as_frame(mission, plan, followed, draws)
-
-
-def _simulate_scenarios(
-    mission: Mission, plan: TrailPlan, n_missions: int, generator: Rng
-) -> pd.DataFrame:
-    """Simulate a mission with scenarios, of which each simulated one draws its own."""
     import pandas as pd
 
     followed = [follow(one, plan) for _, one in mission.in_scenarios]
+    if not mission.scenarios:
+        draws = _draws(followed[0], n_missions, _generator(random_state))
+        return _as_frame(mission, plan, followed[0], draws)
     n_draws = max(len(of.offsets) - 1 + len(_unsure(of)) for of in followed)
-    draws = generator.random((n_missions, 1 + n_draws))
+    draws = _generator(random_state).random((n_missions, 1 + n_draws))  # the first: which scenario
     ends = np.cumsum([p for p, _ in mission.in_scenarios])
     drawn = np.minimum(np.searchsorted(ends, draws[:, 0], side="right"), len(ends) - 1)
     parts = []
@@ -539,12 +530,7 @@ def reach_probabilities(mission: Mission, plan: TrailPlan) -> FloatArray:
     [[1.0, 0.81, 0.0, 0.81, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0]]
     """
     check_mission(mission).evaluate([plan])
-
-    def reached(one: Mission) -> FloatArray:
-        followed = follow(one, plan)
-        return _by_node(one, followed, followed.alive)
-
-    return expected_over(mission, reached)
+    return expected_over(mission, lambda one: _by_node(one, plan, lambda of: of.alive))
 
 
 def expected_over(mission: Mission, of: Callable[[Mission], FloatArray]) -> FloatArray:
@@ -604,16 +590,16 @@ def collect_probabilities(mission: Mission, plan: TrailPlan) -> FloatArray:
 
 def collected(mission: Mission, plan: TrailPlan) -> FloatArray:
     """Compute :func:`collect_probabilities` of valid trails, of any number of robots."""
+    return _by_node(mission, plan, lambda of: of.share * of.credited)
+
+
+def _by_node(mission: Mission, plan: TrailPlan, of: Callable[..., FloatArray]) -> FloatArray:
+    """Return the largest of the chances ``of`` all visits, robot by robot and node by node."""
     followed = follow(mission, plan)
-    return _by_node(mission, followed, followed.share * followed.credited)
-
-
-def _by_node(mission: Mission, followed: Followed, chances: FloatArray) -> FloatArray:
-    """Return the largest chance of all visits, robot by robot and node by node."""
     found = np.zeros((len(followed.offsets) - 1, len(mission.nodes)))
     robots = np.repeat(np.arange(len(found)), np.diff(followed.offsets))
     # The first visit of a node is its most probable one.
-    np.maximum.at(found, (robots, followed.nodes), chances)
+    np.maximum.at(found, (robots, followed.nodes), of(followed))
     return found
 
 
@@ -852,11 +838,9 @@ def _join(states: States, bits: OffsetArray, gains: FloatArray, chances: FloatAr
     masks[np.arange(1, len(chances)), word] = bit
     fates = chances > 0
     masks = np.bitwise_or.accumulate(masks)[fates]
-    return States(
-        values[:, fates].ravel(),
-        np.outer(states.probabilities, chances[fates]).ravel(),
-        (states.reached[:, np.newaxis] | masks).reshape(-1, masks.shape[1]),
-    )
+    probabilities = np.outer(states.probabilities, chances[fates]).ravel()
+    reached = (states.reached[:, np.newaxis] | masks).reshape(-1, masks.shape[1])
+    return States(values[:, fates].ravel(), probabilities, reached)
 
 
 def _spend(max_outcomes: int, n_joint: int) -> int:

@@ -84,10 +84,9 @@ class BOTOHE(Problem):
     ) -> None:
         check_mission(mission)
         if risk is not None and not (0.0 < risk < 1.0 and mission.scenarios):
-            raise ValueError(
-                f"Expected risk in (0, 1), for a mission with scenarios, got {risk:g} for "
-                f"{quoted(mission.name)}, which has {len(mission.scenarios)} scenarios."
-            )
+            expected = "risk in (0, 1), for a mission with scenarios"
+            which = f"{quoted(mission.name)}, which has {len(mission.scenarios)} scenarios"
+            raise ValueError(f"Expected {expected}, got {risk:g} for {which}.")
         self.risk = risk
         limits = mission.limits(min_survival, max_length)
         n_constraints = int(allow_invalid) + int(limits.has_floors) + int(limits.has_budgets)
@@ -353,16 +352,12 @@ def find_problem(problem: str | type[BOTOHE]) -> type[BOTOHE]:
     if not (isinstance(found, type) and issubclass(found, BOTOHE)):
         raise ValueError(f"Expected a class derived from BOTOHE, got {quoted(found)}.")
     if found._evaluate is not BOTOHE._evaluate:
-        raise ValueError(
-            f"{found.__name__} overrides _evaluate, which not all algorithms call: override "
-            "evaluate_batch."
-        )
+        remedy = "which not all algorithms call: override evaluate_batch"
+        raise ValueError(f"{found.__name__} overrides _evaluate, {remedy}.")
     overrides_values = found.evaluate_batch is not BOTOHE.evaluate_batch
     if overrides_values and found.objectives is BOTOHE.objectives:
-        raise ValueError(
-            f"{found.__name__} overrides evaluate_batch, and does not state its objectives: areas "
-            "need their upper bounds."
-        )
+        lacks = "does not state its objectives: areas need their upper bounds"
+        raise ValueError(f"{found.__name__} overrides evaluate_batch, and {lacks}.")
     return found
 
 

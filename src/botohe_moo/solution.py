@@ -100,8 +100,8 @@ class Solution:
     parameters: Mapping[str, Any]
     seed: int
     evaluations: int
-    seconds: float | None
-    interrupted: bool
+    seconds: float | None = None
+    interrupted: bool = False
     moves: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     source: Mapping[str, Any] = field(default_factory=dict)
     min_survival: float = 0.0
@@ -166,11 +166,9 @@ class Solution:
         return fronts.representatives(self.mission, self.plans, k)
 
     def __repr__(self) -> str:
-        return (
-            f"<Solution of {self.mission.name!r} by {self.algorithm}, seed {self.seed}: "
-            f"{counted(len(self.plans), 'plan')}, area {self.area:.4f}, "
-            f"{self.evaluations} evaluations>"
-        )
+        how = f"{self.mission.name!r} by {self.algorithm}, seed {self.seed}"
+        found = f"{counted(len(self.plans), 'plan')}, area {self.area:.4f}"
+        return f"<Solution of {how}: {found}, {self.evaluations} evaluations>"
 
     def describe(self, *, all_plans: bool = False) -> str:
         """Describe the search and its front in words and a table.
@@ -187,12 +185,9 @@ class Solution:
         some = f"; the table shows {n_rows}" if n_rows < len(self.plans) else ""
         took = "" if self.seconds is None else f" in {self.seconds:.1f} s"
         stopped = "stopped after" if self.interrupted else "spent"
-        return (
-            f"{table}\n\n"
-            f"{self.algorithm}, seed {self.seed}: {stopped} {self.evaluations:,} evaluations"
-            f"{took}\n"
-            f"area {self.area:.4f}, {counted(len(self.plans), 'plan')} on the front{some}"
-        )
+        spent = f"{stopped} {self.evaluations:,} evaluations{took}"
+        found = f"area {self.area:.4f}, {counted(len(self.plans), 'plan')} on the front{some}"
+        return f"{table}\n\n{self.algorithm}, seed {self.seed}: {spent}\n{found}"
 
     def explore(self, path: str | os.PathLike[str], **options: Any) -> Path:
         """Write a page on which to walk along the front, look at its plans and compare them.
@@ -362,7 +357,6 @@ def read_solution(folder: str | os.PathLike[str], *, mission: Mission | None = N
         mission=mission,
         plans=tuple(batch),
         objectives=objectives,
-        seconds=None,
         source=record.mission_source,
         problem_objectives=own,
         **record.model_dump(

@@ -168,14 +168,11 @@ class PlanBatch:
         offsets = np.asarray(offsets).astype(np.int64, casting="same_kind")
         sizes = np.diff(offsets, prepend=0, append=len(nodes))
         if len(offsets) == 0 or sizes[0] != 0 or sizes[-1] != 0 or sizes.min() < 0:
-            raise ValueError(
-                f"Expected offsets that ascend from 0 to the number of nodes ({len(nodes)}), "
-                f"got {offsets}."
-            )
+            expected = f"offsets that ascend from 0 to the number of nodes ({len(nodes)})"
+            raise ValueError(f"Expected {expected}, got {offsets}.")
         if (len(offsets) - 1) % n_robots:
-            raise ValueError(
-                f"Expected a multiple of n_robots = {n_robots} trails, got {len(offsets) - 1}."
-            )
+            expected = f"a multiple of n_robots = {n_robots} trails"
+            raise ValueError(f"Expected {expected}, got {len(offsets) - 1}.")
         self._nodes, self._offsets, self.n_robots = nodes, offsets, n_robots
 
     @classmethod

@@ -19,7 +19,7 @@ from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch
 from botohe_moo.base import files
 from botohe_moo.base import messages as m
 from botohe_moo.base.parameters import NotNegative, check
-from botohe_moo.base.types import FloatArray
+from botohe_moo.base.types import FloatArray, Rng
 from botohe_moo.decide.fronts import survivor_prices
 from botohe_moo.decide.wishes import label_text, node_of
 from botohe_moo.mission import underway as u
@@ -225,9 +225,7 @@ def replan(
     return _replan_left(left, price, evaluations, generator)
 
 
-def _replan_left(
-    left: UnderWay, price: float, evaluations: int, random_state: np.random.Generator
-) -> Replan:
+def _replan_left(left: UnderWay, price: float, evaluations: int, random_state: Rng) -> Replan:
     """Make a plan anew for what is left of a mission, as `replan` does."""
     rest = left.mission
     batch, objectives = _search(rest, (), left.plan, evaluations, random_state)
@@ -243,11 +241,7 @@ def _replan_left(
 
 
 def _search(
-    mission: Mission,
-    limits: tuple[Any, ...],
-    plan: TrailPlan,
-    evaluations: int,
-    random_state: np.random.Generator,
+    mission: Mission, limits: tuple[Any, ...], plan: TrailPlan, evaluations: int, random_state: Rng
 ) -> tuple[PlanBatch, FloatArray]:
     """Search from a plan, and from one where all robots stay; return plans and objectives."""
     search = LocalSearch(mission, Costs(mission.limited(*limits)), random_state=random_state)
@@ -555,19 +549,13 @@ def _step(
     mission: Mission, robots: Sequence[RobotState], events: tuple[Event, ...], replan: Replan | None
 ) -> PlayedStep:
     """Record what has happened, and where robots are now."""
+    rewards = zip(mission.nodes, mission.rewards.tolist(), strict=True)
     left = u.settle_rewards(mission, robots).left
-    rewards = {node: float(mission.graph.nodes[node]["reward"]) for node in left}
+    collected = {node: pays - left[node] for node, pays in rewards if left[node] < pays}
     lost = tuple(robot.number for robot in robots if robot.state == "lost")
-    return PlayedStep(
-        events,
-        tuple(
-            robot.trail[: robot.at + 2] if robot.number in lost else robot.trail for robot in robots
-        ),
-        tuple(robot.at for robot in robots),
-        lost,
-        {node: rewards[node] - pays for node, pays in left.items() if pays < rewards[node]},
-        replan,
-    )
+    trails = tuple(r.trail[: r.at + 2] if r.number in lost else r.trail for r in robots)
+    at = tuple(robot.at for robot in robots)
+    return PlayedStep(events, trails, at, lost, collected, replan)
 
 
 def _has_hops(robot: RobotState) -> bool:

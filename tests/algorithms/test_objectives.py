@@ -142,8 +142,6 @@ def from_trails(*trails, kind=BOACO):
         (FLAT, "bo-aco", r"BOTOHE to give F of shape \(20, 2\), got \(20,\)"),
         (Uncounted(TOY), "bo-aco", "Uncounted.*(n_ieq_constr = 0|beside those of super)"),
         (Uncounted(TOY), "nsga2", "Uncounted.*(n_ieq_constr = 0|beside those of super)"),
-        (changed(n_obj=1), "nsga2", "PlanNSGA2 .* of two objectives or more, and BOTOHE has 1"),
-        (changed(n_eq_constr=1), "bo-aco", "without equality constraints, which BOACO would ign"),
         (BOTOHE(TOY), Listed(), r"Plan 0: expected a TrailPlan, got 1; mission\.plan"),
         (BLIND, from_trails([0, 10**6, 0], [0]), "position 1: node index 1000000 is unknown"),
         (BOTOHE(TOY), from_trails([0, 4, 0], [0]), "Robot 0, position 1: arc 1 -> 5 is missing"),

@@ -80,7 +80,7 @@ class TestRobustness:
         plan = trips(mission, "b")
         survivals = []
         for seed in range(300):
-            table = robustness(mission, [plan], factors=(), spread=0.5, n_scenarios=1, seed=seed)
+            table = robustness(mission, [plan], factors=(), spread=0.5, n_draws=1, seed=seed)
             low, high = table.loc[0, ["survivors_low", "survivors_high"]]
             assert 0.9 in (pytest.approx(low), pytest.approx(high))
             survivals.append(low if high == pytest.approx(0.9) else high)
@@ -127,6 +127,6 @@ def test_an_arc_is_as_wrong_for_all_kinds():
     mission = Mission(MISSION.graph, base="dock", kinds=kinds)
     out = ["dock", "b", "dock"]
     plans = [mission.plan([out, ["dock"]]), mission.plan([["dock"], out])]
-    table = robustness(mission, plans, factors=(), spread=0.5, n_scenarios=3)
+    table = robustness(mission, plans, factors=(), spread=0.5, n_draws=3)
     assert table["survivors_low"].nunique() == 1
     assert table["survivors_low"][0] < 1.9

@@ -359,6 +359,17 @@ def test_kinds_meet_the_same_scenario():
     assert BOTOHE(mission).n_obj == 2
 
 
+def test_an_arc_that_the_graph_closes_for_a_kind_stays_closed():
+    graph = TOY.graph.copy()
+    graph.graph.pop("robots")
+    graph.edges[2, 4]["survival"] = {"drone": 0.9, "rover": 0.0}
+    kinds = [Kind("drone", 1), Kind("rover", 1)]
+    mission = Mission(graph, kinds=kinds, scenarios=[Scenario("open", 0.5, survival={(2, 4): 0.7})])
+    one = mission.in_scenario("open")
+    assert one.graph.edges[2, 4]["survival"] == {"drone": 0.7, "rover": 0.0}
+    assert one.world.graph.n_arcs == mission.world.graph.n_arcs == 2 * len(graph.edges) - 1
+
+
 def test_risk_is_the_mean_of_the_worst_scenarios():
     problem = BOTOHE(THREE, risk=0.3)
     rewards = sorted((one.evaluate([PLAN])[0, 0], p) for p, one in THREE.in_scenarios)

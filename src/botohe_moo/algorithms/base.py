@@ -214,10 +214,8 @@ class BudgetedAlgorithm(Algorithm):
         """
         mission = problem.mission
         if not self.supports(mission):
-            raise TypeError(
-                f"{type(self).__name__} does not support mission {quoted(mission.name)}, which has "
-                f"{mission.specialities}."
-            )
+            which = f"mission {quoted(mission.name)}, which has {mission.specialities}"
+            raise TypeError(f"{type(self).__name__} does not support {which}.")
         if self.termination is None and kwargs.get("termination") is None:
             kwargs["termination"] = ("n_eval", 100_000)
         begin_run()
@@ -310,7 +308,7 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
         ----------
         problem
             A :class:`BOTOHE`. A TypeError is raised for another problem, and for one that overrides
-            what kernels compute; a ValueError for equality constraints.
+            what kernels compute.
         **kwargs
             pymoo's own: ``termination``, ``seed``, ... A ValueError is raised for a budget of less
             than one evaluation.
@@ -326,12 +324,6 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
                 raise TypeError(f"{found}, which {type(self).__name__} does not call: {why}")
         if self.evaluates_in_kernels and not self.honours_risk and problem.risk is not None:
             raise TypeError(f"{type(self).__name__} evaluates E[R] in a kernel, and not risk.")
-        check_n_objectives(self, problem, None)
-        if problem.n_eq_constr > 0:
-            raise ValueError(
-                f"Expected a problem without equality constraints, which {type(self).__name__} "
-                f"would ignore, got {problem.n_eq_constr} in {problem.name()}."
-            )
         return super().setup(problem, **kwargs)
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
@@ -376,7 +368,8 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
             batch = self.problem.mission.batch(self.sampling)
             self.problem.mission.evaluate(batch)  # checks the plans, which a subclass may not do
             self.evaluate_plans(batch[: self.n_left])
-        self._advance()
+        if self.n_left:  # else the plans to start from have spent the budget
+            self._advance()
 
     def evaluate_plans(self, batch: PlanBatch) -> tuple[FloatArray, OffsetArray]:
         """Evaluate plans, and insert the feasible ones into the archive.
@@ -426,14 +419,10 @@ def tuned_by(kind: type[Any]) -> Callable[[Callable[..., None]], Callable[..., N
 
     def decorated(init: Callable[..., None]) -> Callable[..., None]:
         hints = get_type_hints(kind, include_extras=True)
+        how = inspect.Parameter.KEYWORD_ONLY
         stated = {
-            field.name: inspect.Parameter(
-                field.name,
-                inspect.Parameter.KEYWORD_ONLY,
-                default=field.default,
-                annotation=hints[field.name],
-            )
-            for field in fields(kind)
+            f.name: inspect.Parameter(f.name, how, default=f.default, annotation=hints[f.name])
+            for f in fields(kind)
         }
 
         @functools.wraps(init)
@@ -466,16 +455,6 @@ def check_problem(problem: Any) -> None:
     """Raise a TypeError if a problem is not a BOTOHE."""
     if not isinstance(problem, BOTOHE):
         raise TypeError(f"Expected a BOTOHE problem, got {type(problem).__name__}.")
-
-
-def check_n_objectives(algorithm: Algorithm, problem: BOTOHE, n: int | None) -> None:
-    """Raise a TypeError unless a problem has ``n`` objectives, or for None, two or more."""
-    if problem.n_obj < 2 if n is None else problem.n_obj != n:
-        wanted = "two objectives or more" if n is None else f"{n} objectives"
-        raise TypeError(
-            f"{type(algorithm).__name__} searches for fronts of {wanted}, and "
-            f"{type(problem).__name__} has {problem.n_obj}."
-        )
 
 
 def budget(termination: Termination) -> float:

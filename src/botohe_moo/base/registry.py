@@ -75,10 +75,8 @@ class Registry:
             load, origin = functools.partial(pkgutil.resolve_name, name), "it"
         else:
             known = ", ".join(nearest_first(name, self))
-            raise PluginError(
-                f"no such {self.kind}; known are {known}; "
-                "a package that registers it may not be installed"
-            )
+            hint = "a package that registers it may not be installed"
+            raise PluginError(f"no such {self.kind}; known are {known}; {hint}")
         try:
             with contextlib.redirect_stdout(sys.stderr):  # results, which may be piped, are printed
                 found = load()

@@ -231,9 +231,8 @@ def _value(name: str, text: str) -> Any:
     try:
         return Document(text).content
     except ValueError:
-        raise ValueError(
-            f"Expected a number, true, false or text for {name!r}, got {text!r}."
-        ) from None
+        expected = f"a number, true, false or text for {name!r}"
+        raise ValueError(f"Expected {expected}, got {text!r}.") from None
 
 
 def run(app: typer.Typer) -> None:
@@ -525,10 +524,8 @@ def brief(mission: bm.Mission, max_length: float | None) -> str:
     limit = "" if max_length in (None, math.inf) else f", travel budget {max_length:g}"
     found = listed(f"{one.name} {one.probability:g}" for one in mission.scenarios)
     scenarios = f", {counted(len(mission.scenarios), 'scenario')}: {found}" if found else ""
-    return (
-        f"{len(mission.nodes)} nodes, {len(mission.graph.edges)} arcs, {mission.team}, "
-        f"total reward {mission.total_reward:g}{limit}{scenarios}"
-    )
+    size = f"{len(mission.nodes)} nodes, {len(mission.graph.edges)} arcs, {mission.team}"
+    return f"{size}, total reward {mission.total_reward:g}{limit}{scenarios}"
 
 
 def parameter_text(parameter: Parameter) -> str:

@@ -43,10 +43,8 @@ def list_missions() -> None:
 
     rows = ((name, common.plain(summary_of(MISSIONS[name]))) for name in bm.mission_names())
     tell(common.table(rows, wrap=True))
-    more = (
-        "`botohe missions show NAME` tells more. Generators take parameters: "
-        "`botohe missions show terrain -m nodes=50 -m seed=3`."
-    )
+    example = "`botohe missions show terrain -m nodes=50 -m seed=3`"
+    more = f"`botohe missions show NAME` tells more. Generators take parameters: {example}."
     tell(f"\n{paragraph(more)}")
 
 

@@ -134,8 +134,6 @@ def tell_choice(mission: bm.Mission, choice: decide.Choice, folder: Path) -> Non
 
 def scenarios_text(mission: bm.Mission, plan: bm.TrailPlan) -> str:
     """Write what is expected in up to ten scenarios, the least reward first."""
-    from botohe_moo import decide
-
     table = decide.by_scenario(mission, [plan]).drop(columns="plan").sort_values("reward")
     head = ("scenario", "probability", "expected reward", "expected survivors")
     rows = [(name, *(f"{n:.3f}" for n in of)) for name, *of in table.to_numpy()[:_MOST_SCENARIOS]]
@@ -248,13 +246,9 @@ def replan(
             found = underway.replan(solution.mission, chosen, happened, **how)
     left = found.left
     reward, survivors = found.objectives.tolist()
-    tell(
-        paragraph(
-            f"Rewards of {left.banked:.4g} were collected since the plan was made. {found} "
-            "Expected from now on: "
-            f"{reward:.4g} reward and {survivors:.4g} survivors."
-        )
-    )
+    collected = f"Rewards of {left.banked:.4g} were collected since the plan was made."
+    now = f"Expected from now on: {reward:.4g} reward and {survivors:.4g} survivors."
+    tell(paragraph(f"{collected} {found} {now}"))
     tell(f"\n{trails_text(left.mission, found.plan)}")
     if any(new != old for new, old in enumerate(left.robots)):
         rows = ", ".join(f"row {new} was row {old}" for new, old in enumerate(left.robots))
@@ -274,8 +268,6 @@ def _write_rest(found: underway.Replan, out: Path, evaluations: int, seed: int) 
         parameters={},
         seed=seed,
         evaluations=evaluations,
-        seconds=None,
-        interrupted=False,
     )
     paths = rest.write(out)
     plots.save_plot(plots.plot_replan(found), out / REPLAN_PICTURE)
@@ -379,13 +371,9 @@ def simulate(
         solution, chosen, how = _plan_under_way(folder, plan, price)
         how |= {"missions": missions, "evaluations": evaluations, "workers": workers, "seed": seed}
         with showing("playing missions") as show:
-            outcomes = underway.simulate_policy(
-                solution.mission,
-                chosen,
-                policy or ("losses", "one by one"),
-                progress=lambda n: show(f"{n:,} missions", n, missions),
-                **how,
-            )
+            how["progress"] = lambda n: show(f"{n:,} missions", n, missions)
+            names = policy or ("losses", "one by one")
+            outcomes = underway.simulate_policy(solution.mission, chosen, names, **how)
         tell(str(outcomes))
         if out is not None:
             plots.save_plot(plots.plot_policies(outcomes, solution.expected), out)

@@ -198,10 +198,8 @@ def bound(
         solution = None
         if front is not None:
             if min_survival or max_length is not None:
-                raise ValueError(
-                    "Expected neither --min-survival nor --max-length with --front: the limits of "
-                    "its search hold."
-                )
+                expected = "neither --min-survival nor --max-length with --front"
+                raise ValueError(f"Expected {expected}: the limits of its search hold.")
             solution = _read_front(front, loaded)
             limits = _limits_of(solution)
         if out is not None:
@@ -259,10 +257,9 @@ def _read_front(folder: Path, mission: bm.Mission) -> bm.Solution:
 
     solution = bm.read_solution(folder)
     if numbers_digest(solution.mission) != numbers_digest(mission):
-        raise ValueError(
-            f"{folder} is a front of another mission than {mission.name!r}, or of another number "
-            f"of robots: it has {solution.mission.robots}, the mission {mission.robots}."
-        )
+        other = f"another mission than {mission.name!r}, or of another number of robots"
+        has = f"it has {solution.mission.robots}, the mission {mission.robots}"
+        raise ValueError(f"{folder} is a front of {other}: {has}.")
     return solution
 
 

@@ -12,24 +12,13 @@ from botohe_moo import study as studies
 from botohe_moo.base.messages import counted
 from botohe_moo.base.runtime import n_cpus
 from botohe_moo.cli import common
-from botohe_moo.cli.common import (
-    FAILED,
-    Count,
-    CountOrNone,
-    command,
-    fail,
-    failing,
-    say,
-    showing,
-    tell,
-)
+from botohe_moo.cli.common import FAILED, Count, command, fail, failing, say, showing, tell
 
 if TYPE_CHECKING:
     from botohe_moo.study.runner import Plan
 
 study_app = typer.Typer(
-    no_args_is_help=True,
-    help="Compare algorithms: from a study file to tables and figures.",
+    no_args_is_help=True, help="Compare algorithms: from a study file to tables and figures."
 )
 
 _SECONDS_BETWEEN_LINES = 60.0  # of a study's progress, where there is no terminal
@@ -50,7 +39,7 @@ def run(
     file: Path,
     *,
     out: Path | None = None,
-    workers: CountOrNone = None,
+    workers: common.CountOrNone = None,
     dask: str | None = None,
     patience: Count = 3600,
 ) -> None:
@@ -76,14 +65,8 @@ def run(
     folder = study_folder(study.name, out)
     try:
         with failing(FAILED), showing("reading", every=_SECONDS_BETWEEN_LINES) as show:
-            tables = studies.run_study(
-                study,
-                folder,
-                workers=workers or n_cpus(),
-                dask=dask,
-                patience=patience,
-                progress=StudyProgress(show),
-            )
+            how: Any = {"workers": workers or n_cpus(), "dask": dask, "patience": patience}
+            tables = studies.run_study(study, folder, progress=StudyProgress(show), **how)
     except studies.StudyInterrupted as stopped:
         status = _BY_SIGNAL + stopped.signal
         fail(f"stopped; what is done is in {folder}. Run it again to go on.", status)

@@ -6,14 +6,7 @@ import numpy as np
 
 from botohe_moo.base.types import FloatArray, IntArray, OffsetArray
 from botohe_moo.core.compile import array_maker, at_once, helper, inlined, shared
-from botohe_moo.core.walk import (
-    Visits,
-    begin_walk,
-    end_walk,
-    new_visits,
-    sort_trails,
-    visit,
-)
+from botohe_moo.core.walk import Visits, begin_walk, end_walk, new_visits, sort_trails, visit
 from botohe_moo.core.world import Graph, Returns, Team, World, find_arc
 
 # What may be wrong with a trail. ``evaluate`` returns the first fault as
@@ -62,13 +55,9 @@ class Reached(NamedTuple):
 @array_maker
 def new_reached(n_entries: int) -> Reached:
     """Return scratch for plans of a mission, where ``Team.worth`` has ``n_entries``."""
-    return Reached(
-        np.zeros(1, np.int64),
-        np.zeros(n_entries, np.int64),
-        np.empty(n_entries),
-        np.empty(n_entries, np.int64),
-        np.zeros(1, np.int64),
-    )
+    plan, n = np.zeros(1, np.int64), np.zeros(1, np.int64)
+    seen_by, nodes = np.zeros(n_entries, np.int64), np.empty(n_entries, np.int64)
+    return Reached(plan, seen_by, np.empty(n_entries), nodes, n)
 
 
 @helper

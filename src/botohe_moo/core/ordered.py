@@ -41,15 +41,10 @@ class OrderedFront(NamedTuple):
 
 def new_front(n_slots: int, n_robots: int) -> OrderedFront:
     """Return room for ``n_slots`` plans of ``n_robots`` trails."""
-    return apart(  # type: ignore[no-any-return]
-        OrderedFront(
-            n=np.array([(0, 0, n_slots)], _COUNTS).view(np.recarray)[0],
-            order=np.zeros(n_slots, np.int64),
-            plan=np.zeros((n_slots, n_robots), np.int32),
-            slots=np.zeros(n_slots, _SLOT).view(np.recarray),
-            members=np.arange(n_slots),
-        )
-    )
+    n = np.array([(0, 0, n_slots)], _COUNTS).view(np.recarray)[0]
+    order, plan = np.zeros(n_slots, np.int64), np.zeros((n_slots, n_robots), np.int32)
+    slots = np.zeros(n_slots, _SLOT).view(np.recarray)
+    return OrderedFront(*apart((n, order, plan, slots, np.arange(n_slots))))
 
 
 def read_front(front: OrderedFront) -> tuple[OffsetArray, FloatArray]:

@@ -116,12 +116,8 @@ class Visits(NamedTuple):
 @array_maker
 def new_visits(n_nodes: int, n_scenarios: int) -> Visits:
     """Return scratch for walks through a graph of ``n_nodes`` nodes."""
-    return Visits(
-        np.empty(n_scenarios * n_nodes, np.int64),
-        np.empty(n_scenarios * n_nodes),
-        np.zeros(n_nodes, np.int64),
-        np.zeros(1, np.int64),
-    )
+    node, chance = np.empty(n_scenarios * n_nodes, np.int64), np.empty(n_scenarios * n_nodes)
+    return Visits(node, chance, np.zeros(n_nodes, np.int64), np.zeros(1, np.int64))
 
 
 @inlined
@@ -215,12 +211,7 @@ def end_walk(team: Team, returns: Returns | None, robot: int, n: int, visits: Vi
 
 @helper
 def _credit_carried(
-    team: Team,
-    returns: Returns | None,
-    visits: Visits,
-    node: int,
-    n: int,
-    alive: float,
+    team: Team, returns: Returns | None, visits: Visits, node: int, n: int, alive: float
 ) -> None:
     """Credit what is carried of ``n`` visits at a depot; of scenarios before, nothing is."""
     if returns is None:

@@ -193,10 +193,8 @@ def best(
         shortfalls /= [front.span(wish) for wish in wanted]
         chosen = order[int(shortfalls.max(axis=1).argmin())]
         missed = " and ".join(map(str, _missed(front, chosen, wanted)))
-        why = (
-            f"None of {n_plans} has {' and '.join(map(str, wanted))}. "
-            f"Plan {chosen} comes nearest: it misses {missed}."
-        )
+        nearest = f"Plan {chosen} comes nearest: it misses {missed}."
+        why = f"None of {n_plans} has {' and '.join(map(str, wanted))}. {nearest}"
         beyond = [of for of in wanted if of.at_least > front.span(of) * (1 + fronts.SLACK)]
         why += "".join(f" No plan has {of}: {front.span(of):g} is the maximum." for of in beyond)
     return _choice(front, chosen, why + front.simulation_note(), wanted)
@@ -269,20 +267,12 @@ def _missed(front: w.Candidates, i: int, wishes: tuple[w.Wish, ...]) -> tuple[Mi
 
 
 def _choice(front: w.Candidates, i: int, why: str, wishes: tuple[w.Wish, ...]) -> Choice:
-    missed = _missed(front, i, wishes)
-    reward, survivors = front.objectives[i].tolist()
-    return Choice(
-        plan=front.plans[i],
-        index=i,
-        reward=reward,
-        survivors=survivors,
-        why=why,
-        cost=fronts.neighbours(front.mission, front.objectives, i),
-        price=fronts.survivor_price(front.mission, front.objectives, i),
-        met=not missed,
-        wishes=wishes,
-        missed=missed,
-    )
+    missed, objectives = _missed(front, i, wishes), front.objectives
+    cost = fronts.neighbours(front.mission, objectives, i)
+    price = fronts.survivor_price(front.mission, objectives, i)
+    reward, survivors = objectives[i].tolist()
+    about = front.plans[i], i, reward, survivors, why, cost, price
+    return Choice(*about, met=not missed, wishes=wishes, missed=missed)
 
 
 @dataclass(frozen=True, eq=False)

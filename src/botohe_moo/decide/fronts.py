@@ -41,10 +41,8 @@ def check_objectives(points: NDArray[Any], expected: str = "objectives") -> Floa
     values = objectives.check_objectives(expected, points)
     if (values < 0).any():
         row = int(np.argmax((values < 0).any(axis=1)))
-        raise ValueError(
-            f"Expected objectives of at least 0, got {values[row].tolist()} in row {row}; pymoo's "
-            "F holds their negatives: give -result.F."
-        )
+        found, remedy = values[row].tolist(), "pymoo's F holds their negatives: give -result.F"
+        raise ValueError(f"Expected objectives of at least 0, got {found} in row {row}; {remedy}.")
     return values
 
 

@@ -32,15 +32,15 @@ def robustness(
     *,
     factors: Iterable[float] = (0.5, 2.0),
     spread: float = 0.0,
-    n_scenarios: int = 100,
+    n_draws: int = 100,
     seed: int = 1,
 ) -> pd.DataFrame:
     """Compute the objectives of plans if the survivals are wrong, and their regret.
 
-    In a scenario the survival ω of each arc becomes ω^h. There is one scenario for each factor h,
-    the same for all arcs: 2 doubles every hazard, −log ω, and 0.5 halves it. With ``spread`` there
-    are also ``n_scenarios`` in which h is drawn for each arc, the same for all kinds of robots:
-    log-normal, with a median of 1. The expected case, h = 1, is always among the scenarios.
+    In each case the survival ω of each arc becomes ω^h. There is one case for each factor h, the
+    same for all arcs: 2 doubles every hazard, −log ω, and 0.5 halves it. With ``spread`` there are
+    also ``n_draws`` in which h is drawn for each arc, the same for all kinds of robots: log-normal,
+    with a median of 1. The expected case, h = 1, is always among them.
 
     Parameters
     ----------
@@ -52,8 +52,8 @@ def robustness(
         Factors on all hazards, each above 0; may be none.
     spread
         Standard deviation of log h for single arcs, at least 0; at 0 none are drawn.
-    n_scenarios
-        How many scenarios are drawn, at least 1.
+    n_draws
+        How many cases are drawn, at least 1.
     seed
         Seed of these draws, at least 0.
 
@@ -61,11 +61,11 @@ def robustness(
     -------
     pandas.DataFrame
         A row for each plan: ``plan_id``, ``reward`` and ``survivors`` as expected; ``reward_low``,
-        ``reward_high``, ``survivors_low`` and ``survivors_high``, the band over all scenarios;
-        ``reward_regret`` and ``survivors_regret``, the largest regret over all scenarios. In one
-        scenario the regret in reward is how much more reward one of these plans would have had with
-        no fewer survivors, the regret in survivors how many more survivors with no less reward;
-        both are 0 for a plan that stays non-dominated.
+        ``reward_high``, ``survivors_low`` and ``survivors_high``, the band over all cases;
+        ``reward_regret`` and ``survivors_regret``, the largest regret over all cases. In one case
+        the regret in reward is how much more reward one of these plans would have had with no fewer
+        survivors, the regret in survivors how many more survivors with no less reward; both are 0
+        for a plan that stays non-dominated.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def robustness(
 
     factors = [check("each of factors", factor, Positive) for factor in factors]
     spread = check("spread", spread, NotNegative)
-    n_scenarios = check("n_scenarios", n_scenarios, int, ge=1)
+    n_draws = check("n_draws", n_draws, int, ge=1)
     rng = np.random.default_rng(check("seed", seed, int, ge=0))
     objectives = objectives_of(mission, batch := check_mission(mission).batch(plans))
     world, n = mission.world, len(mission.nodes)
@@ -98,18 +98,18 @@ def robustness(
     arc_of = np.searchsorted(arcs, tail * n + head)
     exponents = [np.full(len(arcs), factor) for factor in factors]
     if spread:
-        normals = (rng.standard_normal(len(arcs)) for _ in range(n_scenarios))
+        normals = (rng.standard_normal(len(arcs)) for _ in range(n_draws))
         exponents += [np.exp(spread * normal) for normal in normals]
-    scenarios = [objectives]
+    cases = [objectives]
     for exponent in exponents:
         survival = world.graph.survival ** exponent[arc_of]
         survival.setflags(write=False)  # as numba has compiled it
         values = kernels.new_values(len(batch), batch.n_robots)
         wrong = world._replace(graph=world.graph._replace(survival=survival))
         kernels.evaluate(wrong, *batch.arrays, True, values)
-        scenarios.append(values.objectives)
-    regret = np.max([_regrets(found) for found in scenarios], axis=0)
-    low, high = np.min(scenarios, axis=0), np.max(scenarios, axis=0)
+        cases.append(values.objectives)
+    regret = np.max([_regrets(found) for found in cases], axis=0)
+    low, high = np.min(cases, axis=0), np.max(cases, axis=0)
     columns: dict[str, Any] = {"plan_id": np.arange(len(batch))}
     for column, name in enumerate(("reward", "survivors")):
         columns[name] = objectives[:, column]

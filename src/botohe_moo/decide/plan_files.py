@@ -23,7 +23,7 @@ from botohe_moo import outcomes
 from botohe_moo.base import files as f
 from botohe_moo.base.messages import check_choice, quoted
 from botohe_moo.base.parameters import check
-from botohe_moo.mission.formats.graphs import plain_label
+from botohe_moo.mission.formats.graphs import as_json, plain_label
 from botohe_moo.mission.formats.routes import write_route_graph
 from botohe_moo.mission.hazards import places_of
 from botohe_moo.mission.model import Mission, check_mission
@@ -159,9 +159,7 @@ def plan_csv(mission: Mission, plan: TrailPlan) -> str:
     for robot, trail in enumerate(mission.labels(plan)):
         kind = mission.kind_of[robot].name
         for step, node in enumerate(trail):
-            label = (
-                node if isinstance(node, str) else json.dumps(plain_label(node), ensure_ascii=False)
-            )
+            label = node if isinstance(node, str) else as_json(plain_label(node))
             writer.writerow([robot, kind, step, label, *places.get(node, ("", ""))])
     return text.getvalue()
 
@@ -305,9 +303,8 @@ def _altitude(vehicle: str, altitude: float | None) -> float:
     check_choice("vehicle", vehicle, VEHICLES)
     allowed = _ALTITUDES.get(vehicle, {"gt": 0})
     if altitude is None and allowed:
-        raise ValueError(
-            f"Expected an altitude for the {vehicle}, in metres (--altitude), got none."
-        )
+        what = f"an altitude for the {vehicle}, in metres (--altitude)"
+        raise ValueError(f"Expected {what}, got none.")
     if altitude is None:
         return 0.0
     return float(check(f"altitude (of a {vehicle}, in metres)", altitude, FiniteFloat, **allowed))
@@ -316,10 +313,9 @@ def _altitude(vehicle: str, altitude: float | None) -> float:
 def check_geographic(mission: Mission) -> None:
     """Refuse a mission whose positions are not said to be longitudes and latitudes."""
     if not mission.graph.graph.get("geographic"):
-        raise ValueError(
-            "Expected a mission whose positions are longitudes and latitudes (graph attribute "
-            f"geographic, or -m geographic=true); {mission.name!r} does not say so."
-        )
+        how = "graph attribute geographic, or -m geographic=true"
+        expected = f"a mission whose positions are longitudes and latitudes ({how})"
+        raise ValueError(f"Expected {expected}; {mission.name!r} does not say so.")
 
 
 def qgc_plans(
@@ -377,14 +373,10 @@ def qgc_plans(
     files, places = {}, places_of(mission.graph.nodes)
     for robot, trail in enumerate(mission.labels(plan)):
         home, *stops = (_on_earth(node, places.get(node)) for node in trail)
+        params = ([0, 0, 0, None, *at, height] for at in stops)
         items = [
-            {
-                **_QGC["item"],
-                "params": [0, 0, 0, None, *at, height],
-                "Altitude": height,
-                "doJumpId": i,
-            }
-            for i, at in enumerate(stops, 1)
+            {**_QGC["item"], "params": of, "Altitude": height, "doJumpId": i}
+            for i, of in enumerate(params, 1)
         ]
         own = {"vehicleType": VEHICLES[vehicle], "plannedHomePosition": [*home, 0], "items": items}
         if items:

@@ -258,8 +258,7 @@ def _not_a_wish(found: object) -> ValueError:
     return ValueError(
         f"Expected a wish, got {quoted(found)}. Wishes are {'; '.join(FORMS)}; the first three "
         "and worst scenario may have survivors, or survivors of a kind, in place of reward. Join "
-        "several by ' and '. "
-        "Write 80 % as 0.8."
+        "several by ' and '. Write 80 % as 0.8."
     )
 
 

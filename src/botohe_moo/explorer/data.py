@@ -17,19 +17,13 @@ from numpy.typing import ArrayLike
 from PIL import Image
 
 from botohe_moo import decide
+from botohe_moo import outcomes as o
 from botohe_moo.base.messages import counted, quoted
 from botohe_moo.base.types import FloatArray, OffsetArray
 from botohe_moo.decide import Choice
 from botohe_moo.decide.choosing import best
 from botohe_moo.decide.wishes import N_SAMPLES, Candidates, Wish
 from botohe_moo.mission.model import Mission
-from botohe_moo.outcomes import (
-    Distribution,
-    collect_probabilities,
-    reach_probabilities,
-    rewards_alone,
-    team_chances,
-)
 from botohe_moo.plots import site as maps
 from botohe_moo.plots.site import Background, Site, only_some
 from botohe_moo.trails import TrailPlan
@@ -102,7 +96,7 @@ def bin_edges(largest: float) -> FloatArray:
     return edges if beyond else np.append(edges, edges[-1] + edges[1])
 
 
-def bin_codes(distribution: Distribution, edges: FloatArray) -> list[int]:
+def bin_codes(distribution: o.Distribution, edges: FloatArray) -> list[int]:
     """Return the probabilities that a reward is in each bin, its lower edge included, as codes."""
     beyond = distribution.at_least(edges)
     return probability_codes(np.clip(beyond[:-1] - beyond[1:], 0, 1))
@@ -215,7 +209,7 @@ def _trails(mission: Mission, plans: Sequence[TrailPlan]) -> dict[str, Any]:
     number, n = {trail: i for i, trail in enumerate(survival)}, len(mission.nodes)
     rewards: dict[tuple[int, ...], float] = {}  # of each robot alone, where a plan's files have it
     if not mission.is_plain:
-        alone = [rewards_alone(mission, plan) for plan in plans]
+        alone = [o.rewards_alone(mission, plan) for plan in plans]
         rewards = dict(zip(trails, np.concatenate(alone).tolist(), strict=True))
     return {
         "trails": [tuple(node % n for node in trail) for trail in survival],
@@ -237,15 +231,15 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
     # Of nodes on trails, in the order of their indices.
     visited = [np.unique(p.nodes % len(mission.nodes)) for p in plans]
     reach, collected = (
-        [team_chances(chances, mission, p)[v] for p, v in zip(plans, visited, strict=True)]
-        for chances in (reach_probabilities, collect_probabilities)
+        [o.team_chances(chances, mission, p)[v] for p, v in zip(plans, visited, strict=True)]
+        for chances in (o.reach_probabilities, o.collect_probabilities)
     )
     if mission.is_plain:  # it is what is reached
         collected = []
     # With one digit more than other numbers, since neighbours differ little.
     written = [number_texts(column, DIGITS + 1) for column in objectives.T.tolist()]
     decimals = len(written[0][0].partition(".")[2])
-    facts: dict[str, Callable[[Distribution], float]] = {
+    facts: dict[str, Callable[[o.Distribution], float]] = {
         # Not 0.1 itself: the largest reward that is reached so often.
         "Reward reached in 9 of 10 missions": lambda reward: reward.quantile(0.1 + 1e-9),
         "Median reward": lambda reward: reward.quantile(0.5),
@@ -262,9 +256,7 @@ def _plans(candidates: Candidates, rows: Sequence[int]) -> dict[str, Any]:
         "reached": [probability_codes(values) for values in reach],
         "reached_values": [np.round(values, 6).tolist() for values in reach],
         "collected": [probability_codes(values) for values in collected],
-        "survivors": [
-            probability_codes(-np.diff(found.at_least(team), append=0)) for found in survivors
-        ],
+        "survivors": [probability_codes(-np.diff(of.at_least(team), append=0)) for of in survivors],
         "rewards_in": [bin_codes(found, edges) for found in rewards],
         "bins": [f"{low:g} to {high:g}" for low, high in pairwise(edges.tolist())],
         "facts": {name: [f"{of:.{decimals}f}" for of in column] for name, column in found.items()},

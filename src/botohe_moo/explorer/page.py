@@ -93,6 +93,7 @@ def replay_data(played: PlayedMission) -> dict[str, Any]:
     mission, steps = played.mission, played.steps
     number = {trail: i for i, trail in enumerate(dict.fromkeys(t for s in steps for t in s.trails))}
     plans = [[number[trail] for trail in step.trails] for step in steps]
+    known = list(zip(plans, (step.lost for step in steps), strict=True))
     price = price_text(played.price)
     return {
         "about": d.sentence(
@@ -107,11 +108,7 @@ def replay_data(played: PlayedMission) -> dict[str, Any]:
         "reached": [_codes(mission, step) for step in steps],
         "banked": d.number_texts(step.reward for step in steps),
         "said": [*map(d.sentence, played.sentences)],
-        "told": [
-            i
-            for i in range(1, len(steps))
-            if plans[i] != plans[i - 1] or steps[i].lost != steps[i - 1].lost
-        ],
+        "told": [i for i in range(1, len(steps)) if known[i] != known[i - 1]],
     }
 
 
@@ -123,10 +120,8 @@ def _codes(mission: Mission, step: PlayedStep) -> list[int]:
     ways = zip(step.trails, step.at, strict=True)
     visited = {node for trail, at in ways for node in trail[: at + 1]}
     nodes = sorted({node for trail in step.trails for node in trail}, key=mission.index)
-    rewards = (mission.rewards[mission.index(node)] or 1.0 for node in nodes)
-    shares = [
-        step.collected.get(node, 0.0) / pays for node, pays in zip(nodes, rewards, strict=True)
-    ]
+    pays = dict(zip(mission.nodes, mission.rewards.tolist(), strict=True))
+    shares = [step.collected.get(node, 0.0) / (pays[node] or 1.0) for node in nodes]
     codes = zip(nodes, d.probability_codes(shares), strict=True)
     return [(code or d.LITTLE) if node in visited else 0 for node, code in codes]
 

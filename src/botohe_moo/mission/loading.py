@@ -415,10 +415,9 @@ def find_factory(name: FilePath) -> Callable[..., Any] | None:
         return found
     except m.PluginError as error:
         known = f"mission files end in one of {', '.join(reading.suffixes())}"
-        hint = f"; {known}; botohe missions import reads tables" * (
-            not is_known and ":" not in name
-        )
-        raise MissionError(f"{error}{hint}", MISSIONS.source(name)) from error
+        hint = f"; {known}; botohe missions import reads tables"
+        said = f"{error}{hint}" if not is_known and ":" not in name else str(error)
+        raise MissionError(said, MISSIONS.source(name)) from error
 
 
 def _of_library(name: str) -> Mission:

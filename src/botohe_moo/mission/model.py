@@ -22,16 +22,10 @@ from botohe_moo.core import evaluate as kernels
 from botohe_moo.core import world as worlds
 from botohe_moo.core.world import PLANNING, Limits, World
 from botohe_moo.mission import rules
+from botohe_moo.mission import scenarios as s
 from botohe_moo.mission.hazards import distance_of, places_of
 from botohe_moo.mission.rules import Kind, MissionError, PlanError
-from botohe_moo.mission.scenarios import (
-    Scenario,
-    check_scenarios,
-    in_scenarios,
-    read_scenarios,
-    survivals_in,
-    with_marginals,
-)
+from botohe_moo.mission.scenarios import Scenario
 from botohe_moo.mission.underway import Event, under_way
 from botohe_moo.trails import PlanBatch, Plans, TrailPlan
 
@@ -151,7 +145,7 @@ class Mission:
         name = own.get("name") or own.get("title")
         source = f"Mission {quoted(name)}" if name else "The mission"
         if not (faults := faults or rules.graph_faults(graph, team, own)):
-            own["scenarios"], faults = check_scenarios(own.get("scenarios"), graph, team)
+            own["scenarios"], faults = s.check_scenarios(own.get("scenarios"), graph, team)
         if not faults:
             team = team or (Kind(rules.ONLY_KIND, own["robots"]),)
             self._set_up(graph.copy(), team, own | {"name": str(name or "mission")})
@@ -189,6 +183,7 @@ class Mission:
         kinds, n, index_of, base = self.kinds, len(self.nodes), self._index, self.base
         arcs = sorted((index_of[u], index_of[v], arc) for u, v, arc in graph.edges(data=True))
         tail, head = (np.array([arc[i] for arc in arcs], np.int64) for i in (0, 1))
+        labels = [(self.nodes[u], self.nodes[v]) for u, v, _ in arcs]
         by_kind = [rules.by_kind(arc["survival"], kinds) for *_, arc in arcs]
         survival = np.array(by_kind, np.float64).reshape(1, -1, len(kinds))
         length = np.array([arc.get("length", 1.0) for *_, arc in arcs], np.float64)
@@ -200,17 +195,12 @@ class Mission:
         if self.scenarios:
             probability = np.array([scenario.probability for scenario in self.scenarios])
             probability /= probability.sum()
-            survival, worth = in_scenarios(
-                self, [(self.nodes[u], self.nodes[v]) for u, v, _ in arcs]
-            )
+            survival, worth = s.in_scenarios(self, labels)
             reward = np.where((worth == reward).all(axis=0), reward, probability @ worth)
         aboard = [[index_of[v] for v in kind.aboard if reward[index_of[v]] > 0.0] for kind in kinds]
         taken = survival.max(axis=0) > 0.0
         # Arcs that are closed in all scenarios, each with a kind.
-        self._closed = {
-            (self.nodes[tail[arc]], self.nodes[head[arc]], kinds[k].name)
-            for arc, k in np.argwhere(~taken).tolist()
-        }
+        self._closed = {(*labels[i], kinds[k].name) for i, k in np.argwhere(~taken).tolist()}
         for k, (start, end) in enumerate(ends.tolist()):
             forth = tail[taken[:, k]], head[taken[:, k]]
             is_open = worlds.leading(*forth, [end], n) & worlds.leading(*forth[::-1], [start], n)
@@ -248,9 +238,8 @@ class Mission:
             first, credit = np.cumsum([0, *map(len, aboard)]), np.tile(credit, len(kinds))
             returns = worlds.Returns(credit, carried, first[kind_of], first[kind_of + 1])
         expected = (reward[:, None] * share).T.ravel()
-        chances = worlds.Chances(probability, survivals)
-        limits = self.limits()
-        return worlds.new_world(*of_arcs, chances, length[arc], expected, team, limits, returns)
+        given = *of_arcs, worlds.Chances(probability, survivals), length[arc], expected, team
+        return worlds.new_world(*given, self.limits(), returns)
 
     def in_scenario(self, name: str) -> Mission:
         """Return the mission as it is in one scenario, without others; plans stay the same.
@@ -276,14 +265,11 @@ class Mission:
         check_choice("scenario", name, names)
         scenario, graph = self.scenarios[names.index(name)], self.graph.copy()
         graph.graph.pop("scenarios", None)
-        for tail, head, of in graph.edges(data=True):
-            numbers = survivals_in(scenario, graph, (tail, head), self.kinds)
-            by = {
-                kind.name: max(n, 0.0 if (tail, head, kind.name) in self._closed else math.ulp(0))
-                for kind, (n, m) in zip(self.kinds, numbers, strict=True)
-            }
-            least = [*by.values()]
-            of["survival"] = by if len(by) > 1 or 0.0 in least else least[0]
+        kinds = [kind.name for kind in self.kinds]
+        for arc, of in graph.edges.items():
+            by = dict(zip(kinds, s.survivals_in(scenario, graph, arc, self.kinds), strict=True))
+            by |= {k: math.ulp(0) for k in kinds if by[k] == 0.0 and (*arc, k) not in self._closed}
+            of["survival"] = by if len(by) > 1 or 0.0 in by.values() else min(by.values())
         nx.set_node_attributes(graph, dict(scenario.reward), "reward")
         return self._derive(graph, self.kinds)
 
@@ -336,13 +322,13 @@ class Mission:
         >>> [(scenario.name, scenario.probability) for scenario in mission.scenarios]
         [('storm', 0.25), ('otherwise', 0.75)]
         """
-        found = read_scenarios(scenarios, lambda label: label)
+        found = s.read_scenarios(scenarios, lambda label: label)
         given = {"base": self.base, "pays": self.pays, "scenarios": found}
         made = Mission(self.graph, kinds=self.kinds, name=self.name, **given)
         if not keep_marginals:
             return made
         try:
-            graph = with_marginals(self.graph, made.scenarios, self.kinds)
+            graph = s.with_marginals(self.graph, made.scenarios, self.kinds)
         except ValueError as error:
             raise MissionError(str(error), f"Mission {quoted(self.name)}") from None
         return Mission(graph, kinds=self.kinds, name=self.name, **given)
@@ -431,7 +417,7 @@ class Mission:
             **self._kind_traits(),
         }
         if self.scenarios:
-            traits["scenarios"] = listed(f"{s.name} {s.probability:g}" for s in self.scenarios)
+            traits["scenarios"] = listed(f"{of.name} {of.probability:g}" for of in self.scenarios)
         if graph.n_arcs:
             traits["survival"] = f"{graph.survival.min():g} to {graph.survival.max():g}"
             if any("length" in arc for *_, arc in self.graph.edges(data=True)):

@@ -142,22 +142,34 @@ def read_kinds(kinds: Any, read: _Read = dict) -> tuple[tuple[Kind, ...], list[s
     """
     if kinds is None:
         return (), []
-    if isinstance(kinds, str | Mapping) or not isinstance(kinds, Iterable):
-        return (), [f"expected kinds to be a list of kinds, got {quoted(kinds)}"]
-    found, faults, known = [], list[str](), [field.name for field in fields(Kind)]
-    for i, kind in enumerate(kinds):
-        given = vars(kind) if isinstance(kind, Kind) else kind
-        given = read(given) if isinstance(given, Mapping) else None
-        if given is None:
-            faults.append(f"kinds[{i}]: expected a Kind, or an object, got {quoted(kind)}")
-        elif unknown := [str(name) for name in given if name not in known]:
-            near = most_alike(unknown[0], known)
-            faults.append(f"kinds[{i}]: there is no {quoted(unknown[0])} of a kind{near}")
-        else:
-            found.append(Kind(**{"name": None, "robots": None, **given}))  # None breaks a rule
+    found, faults = read_listed("kinds", Kind, kinds, read)
     if not found and not faults:
         faults.append("expected at least one kind, got none")
     return tuple(found), faults or _kind_name_faults(found)
+
+
+def read_listed(
+    what: str, kind: Any, given: Any, read: _Read = dict
+) -> tuple[list[Any], list[str]]:
+    """Return kinds or scenarios, which files hold as mappings, and what is wrong with their form.
+
+    ``read`` converts the attributes of each.
+    """
+    if isinstance(given, str | Mapping) or not isinstance(given, Iterable):
+        return [], [f"expected {what} to be a list of {what}, got {quoted(given)}"]
+    found, faults, known = [], list[str](), [field.name for field in fields(kind)]
+    for i, one in enumerate(given):
+        own = vars(one) if isinstance(one, kind) else one
+        own = read(own) if isinstance(own, Mapping) else None
+        if own is None:
+            expected = f"a {kind.__name__}, or an object"
+            faults.append(f"{what}[{i}]: expected {expected}, got {quoted(one)}")
+        elif unknown := [str(name) for name in own if name not in known]:
+            of = f"of a {kind.__name__.lower()}{most_alike(unknown[0], known)}"
+            faults.append(f"{what}[{i}]: there is no {quoted(unknown[0])} {of}")
+        else:
+            found.append(kind(**{**dict.fromkeys(known[:2]), **own}))  # None breaks a rule
+    return found, faults
 
 
 def by_kind(value: object, kinds: Sequence[Kind]) -> list[float]:

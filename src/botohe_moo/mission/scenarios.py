@@ -4,33 +4,20 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
 import networkx as nx
 import numpy as np
 
+from botohe_moo.base.files import read_number
 from botohe_moo.base.messages import most_alike, quoted
 from botohe_moo.base.parameters import NotNegative, Positive, Probability, check
 from botohe_moo.base.types import FloatArray
-from botohe_moo.mission.rules import (
-    BY_KIND,
-    OF_NODES,
-    ONLY_KIND,
-    Kind,
-    Rules,
-    by_kind,
-    faults_of,
-    is_list,
-    is_mapping,
-    is_name,
-    no_such_node,
-    whose,
-    within,
-)
+from botohe_moo.mission import rules
+from botohe_moo.mission.rules import Kind, Rules, by_kind, faults_of, is_list, is_mapping, whose
 
 OTHERWISE = "otherwise"  # the name of the scenario in which nothing else is so
 
@@ -84,8 +71,8 @@ class Scenario:
 _ROUNDING = 1e-14  # of the sum of probabilities
 _SUMS = 1e-9  # by how much the probabilities of scenarios may differ from 1
 _OF_SCENARIOS: Rules = {
-    "probability": ("probability in (0, 1]", within(math.ulp(0), 1), None),
-    "factor": ("a finite factor >= 0", within(0), 1.0),
+    "probability": ("probability in (0, 1]", rules.within(math.ulp(0), 1), None),
+    "factor": ("a finite factor >= 0", rules.within(0), 1.0),
     "zone": ("zone to be a text, or several", lambda v: _are_texts(_zones(v)), None),
     "survival": ("survival to be a mapping from arcs to numbers", is_mapping, {}),
     "reward": ("reward to be a mapping from nodes to numbers", is_mapping, {}),
@@ -103,16 +90,15 @@ def read_scenarios(scenarios: Any, find: Callable[[Any], Any]) -> Any:
         return scenarios
     found = []
     for given in scenarios:
-        own = dict(given) if isinstance(given, Mapping) else given
+        own = vars(given) if isinstance(given, Scenario) else given
+        own = dict(own) if isinstance(own, Mapping) else own
         if isinstance(own, str):
             parts = (part.partition("=")[::2] for part in own.split(","))
             first, *others = ((name.strip(), value.strip()) for name, value in parts)
             own = {"name": first[0], "probability": first[1], **dict(others)}
             if "+" in own.get("zone", ""):
                 own["zone"] = own["zone"].split("+")
-            for name in {"probability", "factor"} & own.keys():
-                with suppress(ValueError):
-                    own[name] = float(own[name])
+            own |= {name: read_number(own[name]) for name in {"probability", "factor"} & own.keys()}
         for name, n_labels in (("survival", 2), ("reward", 1)):
             rows = own.get(name) if isinstance(own, dict) else None
             if isinstance(rows, list) and all(is_list(r) and len(r) == n_labels + 1 for r in rows):
@@ -127,28 +113,19 @@ def read_scenarios(scenarios: Any, find: Callable[[Any], Any]) -> Any:
 def names_of(scenarios: Any) -> list[str]:
     """Return the names of scenarios, as far as they have the form of any."""
     given = scenarios if isinstance(scenarios, list) else []
-    of_each = [vars(one) if isinstance(one, Scenario) else one for one in given]
-    names = [of.get("name") for of in of_each if isinstance(of, Mapping)]
+    names = [one.get("name") for one in given if isinstance(one, dict)]
     return [name for name in names if isinstance(name, str)]
 
 
-def with_survivals(
+def add_survivals(
     scenarios: Any, survivals: Mapping[Any, Mapping[Any, Any]], graph: nx.DiGraph[Any]
-) -> Any:
-    """Return scenarios with survivals of arcs of a graph, by names of scenarios; their own hold.
-
-    What is no list stays as it is.
-    """
-    if not isinstance(scenarios, list):
-        return scenarios
-    found = list[Any](scenarios)
-    for i, scenario in enumerate(found):
-        given = vars(scenario) if isinstance(scenario, Scenario) else scenario
+) -> None:
+    """Add survivals of arcs of a graph, by names of scenarios, to these; their own hold."""
+    for scenario in scenarios if isinstance(scenarios, list) else ():
         [name] = names_of([scenario]) or [""]
         of_table = {arc: n for arc, n in survivals.get(name, {}).items() if graph.has_edge(*arc)}
-        if of_table and is_mapping(given.get("survival", {})):
-            found[i] = {**given, "survival": of_table | given.get("survival", {})}
-    return found
+        if of_table and is_mapping(scenario.get("survival", {})):
+            scenario["survival"] = of_table | scenario.get("survival", {})
 
 
 def check_scenarios(
@@ -160,24 +137,13 @@ def check_scenarios(
     """
     if scenarios is None:
         return (), []
-    if isinstance(scenarios, str | Mapping) or not isinstance(scenarios, Iterable):
-        return (), [f"expected scenarios to be a list of scenarios, got {quoted(scenarios)}"]
-    found, faults, known = list[Scenario](), list[str](), [f.name for f in fields(Scenario)]
-    for i, scenario in enumerate(scenarios):
-        given = vars(scenario) if isinstance(scenario, Scenario) else scenario
-        if not isinstance(given, Mapping):
-            faults.append(f"scenarios[{i}]: expected a Scenario, or an object, got {quoted(given)}")
-        elif unknown := [str(name) for name in given if name not in known]:
-            near = most_alike(unknown[0], known)
-            faults.append(f"scenarios[{i}]: there is no {quoted(unknown[0])} of a scenario{near}")
-        else:
-            found.append(Scenario(**{"name": None, "probability": None, **given}))
+    found, faults = rules.read_listed("scenarios", Scenario, scenarios)
     if faults or not found:
         return (), faults
     of_kinds = {kind.name for kind in kinds} & {scenario.name for scenario in found}
     faults += [f"scenario {quoted(name)}: a kind of robots has this name" for name in of_kinds]
     for scenario in found:
-        wrong = _scenario_faults(scenario, graph, kinds or [Kind(ONLY_KIND, 1)])
+        wrong = _scenario_faults(scenario, graph, kinds or [Kind(rules.ONLY_KIND, 1)])
         faults += [f"scenario {quoted(scenario.name)}: {fault}" for fault in wrong]
     names = [scenario.name for scenario in found]
     twice = dict.fromkeys(name for i, name in enumerate(names) if name in names[:i])
@@ -230,7 +196,7 @@ def _scenario_faults(
     scenario: Scenario, graph: nx.DiGraph[Any], kinds: Sequence[Kind]
 ) -> Iterator[str]:
     """List what is wrong with a scenario."""
-    if not is_name(scenario.name):
+    if not rules.is_name(scenario.name):
         yield "expected a printable name without : , = and blanks around it"
     yield from faults_of(vars(scenario), _OF_SCENARIOS)
     known = {of["zone"] for _, of in graph.nodes(data=True) if isinstance(of.get("zone"), str)}
@@ -239,32 +205,34 @@ def _scenario_faults(
             near = most_alike(zone, sorted(known)) or "; no node has a zone"
             yield f"zone {quoted(zone)}: no node has this zone{near}"
     names = [kind.name for kind in kinds]
-    rules: Rules = {"survival": BY_KIND["survival"]}
+    of_survival: Rules = {"survival": rules.BY_KIND["survival"]}
     for arc, value in scenario.survival.items() if is_mapping(scenario.survival) else ():
         if not (isinstance(arc, tuple) and len(arc) == 2 and graph.has_edge(*arc)):
             yield f"survival of {quoted(arc)}: expected the tail and the head of an arc"
         elif unknown := [str(k) for k in value if k not in names] if is_mapping(value) else []:
             yield f"{whose(*arc)}: survival of kind {quoted(unknown[0])}: no such kind"
         else:
-            wrong = faults_of({"survival": value}, rules, names)
+            wrong = faults_of({"survival": value}, of_survival, names)
             yield from (f"{whose(*arc)}: {fault}" for fault in wrong)
     for node, value in scenario.reward.items() if is_mapping(scenario.reward) else ():
         if node not in graph:
-            yield no_such_node("reward", node, graph)
+            yield rules.no_such_node("reward", node, graph)
         else:
-            wrong = faults_of({"reward": value}, {"reward": OF_NODES["reward"]})
+            wrong = faults_of({"reward": value}, {"reward": rules.OF_NODES["reward"]})
             yield from (f"{whose(node)}: {fault}" for fault in wrong)
 
 
 def survivals_in(
     scenario: Scenario, graph: Any, arc: tuple[Any, Any], kinds: Sequence[Kind]
-) -> list[tuple[float, float]]:
-    """Return the survival of an arc in a scenario for each kind, with that of the graph."""
+) -> list[float]:
+    """Return the survival of an arc in a scenario for each kind; 0 where the graph closes it."""
     given = by_kind(graph.edges[arc]["survival"], kinds)
     if arc in scenario.survival:
-        return list(zip(by_kind(scenario.survival[arc], kinds), given, strict=True))
-    factor = _factor_on(scenario, graph, arc)
-    return [(n**factor if n > 0.0 else 0.0, n) for n in given]
+        found = by_kind(scenario.survival[arc], kinds)
+    else:
+        factor = _factor_on(scenario, graph, arc)
+        found = [n**factor for n in given]
+    return [n if m > 0.0 else 0.0 for n, m in zip(found, given, strict=True)]
 
 
 def _factor_on(scenario: Scenario, graph: Any, arc: tuple[Any, Any]) -> float:
@@ -275,19 +243,12 @@ def _factor_on(scenario: Scenario, graph: Any, arc: tuple[Any, Any]) -> float:
 
 
 def in_scenarios(mission: Any, arcs: Sequence[tuple[Any, Any]]) -> tuple[FloatArray, FloatArray]:
-    """Return survivals of arcs (n_scenarios, n_arcs, n_kinds) and rewards (n_scenarios, n_nodes).
-
-    An arc that the graph closes for a kind stays closed for it.
-    """
-    graph, kinds = mission.graph, mission.kinds
-    survival = np.zeros((len(mission.scenarios), len(arcs), len(kinds)))
-    reward = np.empty((len(mission.scenarios), len(mission.nodes)))
-    for s, scenario in enumerate(mission.scenarios):
-        for i, arc in enumerate(arcs):
-            numbers = survivals_in(scenario, graph, arc, kinds)
-            survival[s, i] = [n if m > 0.0 else 0.0 for n, m in numbers]
-        reward[s] = [float(scenario.reward.get(v, of["reward"])) for v, of in graph.nodes.items()]
-    return survival, reward
+    """Return survivals (n_scenarios, n_arcs, n_kinds) and rewards (n_scenarios, n_nodes)."""
+    graph, kinds, cases = mission.graph, mission.kinds, mission.scenarios
+    survival = [[survivals_in(of, graph, arc, kinds) for arc in arcs] for of in cases]
+    reward = [[of.reward.get(v, usual) for v, usual in graph.nodes(data="reward")] for of in cases]
+    shape = len(cases), len(arcs), len(kinds)
+    return np.array(survival, np.float64).reshape(shape), np.array(reward, np.float64)
 
 
 def independent_zones(
@@ -411,18 +372,12 @@ def scenarios_from_samples(
         raise ValueError(f"Expected arcs with {by} {quoted(missing[0])}, found none.")
     shares = qmc.LatinHypercube(len(counts), rng=seed).random(n_scenarios)
     drawn = beta.ppf(shares, *np.transpose(parameters))
-    return [
-        Scenario(
-            f"sample {i}",
-            1.0 / n_scenarios,
-            survival={
-                arc: float(number)
-                for number, of in zip(row, arcs.values(), strict=True)
-                for arc in of
-            },
-        )
-        for i, row in enumerate(drawn, 1)
-    ]
+    found = []
+    for i, row in enumerate(drawn.tolist(), 1):
+        pairs = zip(row, arcs.values(), strict=True)
+        survival = {arc: number for number, of_class in pairs for arc in of_class}
+        found.append(Scenario(f"sample {i}", 1.0 / n_scenarios, survival=survival))
+    return found
 
 
 def with_marginals(

@@ -309,9 +309,7 @@ def remaining_mission(mission: Any, robots: Sequence[RobotState]) -> UnderWay:
     if cases:  # by what has happened, the rest of a trail may be more dangerous than all of it was
         alive = zip(rest.kind_of, rest.robot_survival([plan])[0].tolist(), strict=True)
         least = {kind.name: survival for kind, survival in sorted(alive, key=lambda of: -of[1])}
-        kinds = [
-            replace(kind, min_survival=min(kind.min_survival, least[kind.name])) for kind in kinds
-        ]
+        kinds = [replace(k, min_survival=min(k.min_survival, least[k.name])) for k in kinds]
         rest = mission._derive(rest.graph, kinds, scenarios)
     found = [of.probability * settled.banked(mission.in_scenario(of.name)) for of in cases]
     banked = math.fsum(found) if cases else settled.banked(mission)
@@ -339,7 +337,7 @@ def _posterior(mission: Any, robots: Sequence[RobotState]) -> list[Scenario]:
 def _likelihood(mission: Any, scenario: Scenario, robot: RobotState) -> float:
     """Return how probable it is, in a scenario, that this has happened to a robot."""
     arcs, kind = pairwise(robot.trail), [robot.kind]
-    hops = [survivals_in(scenario, mission.graph, arc, kind)[0][0] for arc in arcs]
+    hops = [survivals_in(scenario, mission.graph, arc, kind)[0] for arc in arcs]
     chance = math.prod(hops[: robot.at])
     if robot.state != "lost":
         return chance

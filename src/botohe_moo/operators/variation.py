@@ -33,18 +33,7 @@ from botohe_moo.core.threads import in_spans
 from botohe_moo.core.world import World
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import PlanError
-from botohe_moo.operators.kernels import (
-    SAFEST_PATH,
-    TRUNCATE,
-    join_pieces,
-    new_pieces,
-    read_trails,
-    repair,
-    ruin,
-    share,
-    splice,
-    whole_trails,
-)
+from botohe_moo.operators import kernels as k
 from botohe_moo.problem import BOTOHE
 from botohe_moo.trails import PlanBatch
 
@@ -150,8 +139,8 @@ class PlanRepair(Repair):
         is_much = len(drafts.offsets) * world.graph.n_arcs > _MUCH
 
         def repair_span(_: int, begin: int, end: int) -> tuple[PlanBatch, OffsetArray]:
-            trails = read_trails(*drafts[begin:end].arrays)
-            nodes, offsets, changes = repair(world, how, trails)
+            trails = k.read_trails(*drafts[begin:end].arrays)
+            nodes, offsets, changes = k.repair(world, how, trails)
             return PlanBatch._wrap(nodes, offsets, drafts.n_robots), changes
 
         n_threads = self.n_threads if is_much else 1
@@ -180,7 +169,7 @@ class SafestPathRepair(PlanRepair):
     TrailPlan([[0, 1, 3, 4, 3, 1, 0], [0, 1, 0]])
     """
 
-    _how = SAFEST_PATH
+    _how = k.SAFEST_PATH
 
 
 class TruncateRepair(PlanRepair):
@@ -200,7 +189,7 @@ class TruncateRepair(PlanRepair):
     TrailPlan([[0, 1, 0], [0, 1, 0]])
     """
 
-    _how = TRUNCATE
+    _how = k.TRUNCATE
 
 
 class PenaltyOnly(PlanRepair):
@@ -267,10 +256,8 @@ class Mixture(Generic[Part]):
         self, what: str, kind: type[Any], parts: Sequence[Part] | Mapping[Part, float]
     ) -> None:
         if isinstance(parts, str) or not isinstance(parts, Iterable):
-            raise TypeError(
-                f"Expected a sequence of {kind.__name__}s or a mapping from them to weights, got "
-                f"{parts!r}."
-            )
+            expected = f"a sequence of {kind.__name__}s or a mapping from them to weights"
+            raise TypeError(f"Expected {expected}, got {parts!r}.")
         self.parts: tuple[Part, ...] = tuple(parts)
         if not self.parts:
             raise ValueError(f"Expected at least one {what}, got none.")
@@ -377,9 +364,9 @@ class TrailSplice(PlanCrossover):
 
     def _draft(self, mission: Mission, parents: PlanBatch, rng: Rng) -> PlanBatch:
         world, (nodes, offsets) = mission.world, parents.arrays
-        pieces, counts = new_pieces(len(offsets) - 1), np.zeros(world.graph.n_nodes, np.int64)
-        splice(read_trails(nodes, offsets), world.team, counts, draw_state(rng), pieces)
-        return PlanBatch._wrap(*join_pieces(nodes, pieces), mission.robots)
+        pieces, counts = k.new_pieces(len(offsets) - 1), np.zeros(world.graph.n_nodes, np.int64)
+        k.splice(k.read_trails(nodes, offsets), world.team, counts, draw_state(rng), pieces)
+        return PlanBatch._wrap(*k.join_pieces(nodes, pieces), mission.robots)
 
 
 class MixedCrossover(Crossover):
@@ -413,11 +400,8 @@ class MixedCrossover(Crossover):
         shapes = {(part.n_parents, part.n_offsprings) for part in self.mixture.parts}
         if len(shapes) > 1:
             found = " and ".join(f"{parents} and {born}" for parents, born in sorted(shapes))
-            raise ParameterError(
-                "Expected crossovers that are mixed to have as many parents and children as each "
-                f"other, got {found}.",
-                "crossover",
-            )
+            said = f"as many parents and children as each other, got {found}"
+            raise ParameterError(f"Expected crossovers that are mixed to have {said}.", "crossover")
         super().__init__(*shapes.pop(), prob=prob)
 
     def _do(self, *args: Any, **options: Any) -> ObjectArray:
@@ -544,10 +528,10 @@ class RuinRecreate(PlanMutation):
 
     def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
         nodes, offsets = plans.arrays
-        pieces, via = whole_trails(offsets), np.empty((len(plans), self.max_via), np.int32)
-        trails, states, world = read_trails(nodes, offsets), draw_state(rng), mission.world
-        ruin(trails, world.team, world.graph, self.prob_small, states, via, pieces)
-        drafts = join_pieces(np.concatenate([nodes, via.ravel()]), pieces)
+        pieces, via = k.whole_trails(offsets), np.empty((len(plans), self.max_via), np.int32)
+        trails, states, world = k.read_trails(nodes, offsets), draw_state(rng), mission.world
+        k.ruin(trails, world.team, world.graph, self.prob_small, states, via, pieces)
+        drafts = k.join_pieces(np.concatenate([nodes, via.ravel()]), pieces)
         return PlanBatch._wrap(*drafts, plans.n_robots)
 
 
@@ -583,10 +567,10 @@ class ShareTrails(PlanMutation):
 
     def _draft(self, mission: Mission, plans: PlanBatch, rng: Rng) -> PlanBatch:
         nodes, offsets = plans.arrays
-        pieces, counts = whole_trails(offsets), np.zeros(mission.world.graph.n_nodes, np.int64)
-        trails, states = read_trails(nodes, offsets), draw_state(rng)
-        share(trails, mission.world.team, self.prob_copy, counts, states, pieces)
-        return PlanBatch._wrap(*join_pieces(nodes, pieces), plans.n_robots)
+        pieces, counts = k.whole_trails(offsets), np.zeros(mission.world.graph.n_nodes, np.int64)
+        trails, states = k.read_trails(nodes, offsets), draw_state(rng)
+        k.share(trails, mission.world.team, self.prob_copy, counts, states, pieces)
+        return PlanBatch._wrap(*k.join_pieces(nodes, pieces), plans.n_robots)
 
 
 class MixedMutation(Mutation):

@@ -250,11 +250,8 @@ class Canvas:
             return
         inks, half = kind_inks(self.mission), max(_TRIANGLE * self.radius, 6.5)
         for kind, (start, end) in zip(site.kinds, site.ends, strict=True):
-            rim = {
-                "marker": _MARKERS[kind % len(_MARKERS)],
-                "edgecolor": inks[kind],
-                "linewidths": 1.4,
-            }
+            marker = _MARKERS[kind % len(_MARKERS)]
+            rim = {"marker": marker, "edgecolor": inks[kind], "linewidths": 1.4}
             self.mark([start], half, zorder=1.6, facecolor=inks[kind], label="_start", **rim)
             if end != start:
                 self.mark([end], half, zorder=1.5, facecolor="white", label="_end", **rim)

@@ -13,14 +13,7 @@ from botohe_moo.base.messages import check_choice
 from botohe_moo.base.types import FloatArray
 from botohe_moo.indicators import INDICATORS, TIE, further_indicators
 from botohe_moo.plots import style as look
-from botohe_moo.plots.style import (
-    Palette,
-    check_table,
-    chosen_algorithms,
-    log_axis,
-    new_axes,
-    theme,
-)
+from botohe_moo.plots.style import Palette, check_table, chosen_algorithms, log_axis, new_axes
 
 Spent = Literal["evaluations", "seconds"]
 Band = Literal["quartiles", "range"]
@@ -107,7 +100,7 @@ def plot_curves(
     chosen = [a for a in chosen_algorithms("trace", trace, (), algorithms) if a in known]
     ends = {label: middle[label].iloc[-1] for label in chosen}
     styles = look.line_styles(chosen, palette)
-    with theme():
+    with look.theme():
         ax = ax or new_axes(7.5, max(4.0, 0.42 * len(chosen)))
         for label in sorted(chosen, key=lambda label: -ends[label]):
             line, style = middle[label], styles[label]
@@ -222,7 +215,7 @@ def plot_reached(
     low, high = float(shown.min()), float(shown.max())
     styles = look.line_styles(spent, palette)
     labels = sorted(spent, key=lambda label: -np.isfinite(spent[label]).mean())
-    with theme():
+    with look.theme():
         ax = ax or new_axes(7.5, max(4.0, 0.42 * len(labels)))
         for label in labels:
             # What is never reached lies beyond the edge, since seaborn leaves out the infinite.
@@ -249,9 +242,8 @@ def first_reached(
     wanted = np.sort(np.asarray(targets, float))
     if not len(wanted) or not np.isfinite(wanted).all():
         raise ValueError(f"Expected at least one target, all finite, got {list(targets)}.")
-    records = dict(
-        iter(trace.sort_values(x, kind="stable").groupby(["algorithm", "seed"], observed=True))
-    )
+    ordered = trace.sort_values(x, kind="stable")
+    records = dict(iter(ordered.groupby(["algorithm", "seed"], observed=True)))
     spent: dict[str, list[FloatArray]] = {label: [] for label in labels}
     for label, seed in runs.loc[runs["algorithm"].isin(labels), ["algorithm", "seed"]].to_numpy():
         run = records.get((label, seed), trace.iloc[:0])
@@ -316,7 +308,7 @@ def plot_areas(
     points = _in_colours(labels, palette) | {"style": "is_done", "alpha": 0.6}
     points["markers"] = {True: "o", False: "X"}
     diamonds: dict[str, Any] = {"fmt": "d", "color": look.INK, "markersize": 6, "elinewidth": 1.5}
-    with theme():
+    with look.theme():
         ax = ax or new_axes(7.5, 0.9 + 0.4 * max(len(labels), 2))
         sns.scatterplot(rows, x="area", y="row", ax=ax, legend=False, **points)
         above = np.arange(len(labels)) - 0.32
@@ -388,7 +380,7 @@ def plot_ranks(
     alike.remove_edges_from(map(tuple, apart.to_numpy()))
     joined = [average[[*group]] for group in nx.find_cliques(alike) if len(group) > 1]
     colours = look.palette_of(labels, palette)
-    with theme():
+    with look.theme():
         ax = ax or new_axes(8.5, 0.9 + 0.16 * len(labels))
         spans = sorted((group.min(), group.max()) for group in joined)
         for depth, span in enumerate(spans, start=1):
@@ -455,7 +447,7 @@ def plot_heat(
     if not values.notna().any(axis=None):
         raise ValueError("Expected the median of at least one combination, got none.")
     n_rows, n_columns = values.shape
-    with theme():
+    with look.theme():
         ax = ax or new_axes(1.8 + 1.0 * n_columns, 1.2 + 0.55 * n_rows)
         sns.heatmap(values, annot=True, fmt=".4f", cmap=palette, cbar=False, ax=ax)
         ax.grid(visible=False)
@@ -517,7 +509,7 @@ def plot_shortfalls(
     whole = (summary["area_mean"] / summary["area_share"]).groupby(summary["mission"]).first()
     bounds = missions.set_index("mission")["bound_area"].reindex(names)
     gaps = 100 * (bounds.to_numpy(float) / whole.reindex(names).to_numpy(float) - 1)
-    with theme():
+    with look.theme():
         ax = ax or new_axes(7.5, 1.2 + 0.26 * max(len(names), 4))
         meaning = "per cent below the reference front"
         if bounds.notna().any():

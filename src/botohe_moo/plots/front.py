@@ -95,10 +95,9 @@ def plot_front(
     if bound is not None:
         mission = bound.mission if mission is None else mission
         if numbers_digest(mission) != numbers_digest(bound.mission):
-            found = f"{bound.mission.name!r} with {bound.mission.team}"
-            raise ValueError(
-                f"Expected a bound of the mission {mission.name!r}, got one of {found}."
-            )
+            expected = f"a bound of the mission {mission.name!r}"
+            found = f"one of {bound.mission.name!r} with {bound.mission.team}"
+            raise ValueError(f"Expected {expected}, got {found}.")
         bound.check("objectives", points)
     corners, summary = staircase(points), front_summary(points, mission)
     with look.theme():

@@ -113,9 +113,8 @@ def _draw_arcs(canvas: Canvas, arc_colours: FloatArray) -> FloatArray:
     # Hundreds of arrows at full width would merge into a carpet.
     width = 1.8 * min(1.0, max(0.4, 12 / max(len(tail), 1) ** 0.5))
     points = canvas.curves(tail, head, bowed)
-    canvas.draw_lines(
-        points[once], colors=arc_colours[once], linewidths=width, zorder=1, label="_lines"
-    )
+    style: look.Style = {"linewidths": width, "zorder": 1, "label": "_lines"}
+    canvas.draw_lines(points[once], colors=arc_colours[once], **style)
     widths = np.full(bowed.sum(), width)
     canvas.draw_arrows(tail[bowed], head[bowed], arc_colours[bowed], widths)
     return points

@@ -202,9 +202,8 @@ PHEROMONE = LinearSegmentedColormap.from_list("flare", [
 SURVIVAL = PHEROMONE.reversed()
 REACH = LinearSegmentedColormap.from_list("slate", ["#ffffff", "#c3ccd8", "#7f90a8", "#26364e"])
 
-_THEME = mpl.rc_params_from_file(
-    Path(__file__).with_name("own.mplstyle"), use_default_template=False
-)
+_OWN = Path(__file__).with_name("own.mplstyle")
+_THEME = mpl.rc_params_from_file(_OWN, use_default_template=False)
 
 
 def colours(n: int) -> list[Colour]:

@@ -239,8 +239,7 @@ class StudyFile(_Entry):
     budget: Budget | None = None
     """What each run may spend; a mission may have its own."""
     seeds: Annotated[
-        SeedList,
-        BeforeValidator(_counted_seeds, json_schema_input_type=Count | list[Seed]),
+        SeedList, BeforeValidator(_counted_seeds, json_schema_input_type=Count | list[Seed])
     ]
     """A count, for the seeds 1, 2, ..., or a list of seeds."""
     recording: Recording = Recording()

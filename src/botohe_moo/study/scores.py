@@ -111,9 +111,7 @@ SHARES = (0.9, 0.95, 0.99)  # of the area of a reference front: the targets
 
 
 def mission_table(
-    manifest: Mapping[str, Any],
-    missions: Mapping[str, Mission],
-    bounds: Mapping[str, FrontBound],
+    manifest: Mapping[str, Any], missions: Mapping[str, Mission], bounds: Mapping[str, FrontBound]
 ) -> pd.DataFrame:
     """Return the table ``missions``, with a further column for each parameter in a grid.
 

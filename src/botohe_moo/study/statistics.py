@@ -209,11 +209,7 @@ def best_first(indicator: str, medians: ArrayLike) -> FloatArray:
 
 
 def compare_algorithms(
-    indicators: pd.DataFrame,
-    *,
-    algorithms: Sequence[str],
-    control: str | None,
-    significance: float,
+    indicators: pd.DataFrame, *, algorithms: Sequence[str], control: str | None, significance: float
 ) -> pd.DataFrame:
     """Return the table ``comparisons``: algorithms in pairs on each mission, by each indicator.
 

@@ -212,9 +212,8 @@ class StudyTables:
         KeyError
             If there is no such run or plan, or several runs begin like that.
         """
-        rows = self.plans[
-            self.plans["run"].str.startswith(run) & (self.plans["plan_id"] == plan_id)
-        ]
+        is_meant = self.plans["run"].str.startswith(run) & (self.plans["plan_id"] == plan_id)
+        rows = self.plans[is_meant]
         if len(rows) != 1:
             raise KeyError(f"Expected one plan {plan_id} of a run {run!r}, found {len(rows)}.")
         row = rows.iloc[0]

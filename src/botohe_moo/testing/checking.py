@@ -94,9 +94,7 @@ def _checks(factory: Any, parameters: Mapping[str, Any]) -> list[Check]:
     return [Check(rule, factory, make) for rule in rules_of(missions if is_mission else algorithms)]
 
 
-def parametrize_with_checks(
-    factories: Iterable[str | Callable[..., Any]],
-) -> pytest.MarkDecorator:
+def parametrize_with_checks(factories: Iterable[str | Callable[..., Any]]) -> pytest.MarkDecorator:
     """Make a test of each rule for each algorithm or mission; a decorator for a pytest test.
 
     The test takes ``check``, and calls it. ``check.rule`` is the rule's name.

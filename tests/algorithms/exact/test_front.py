@@ -119,7 +119,8 @@ def test_more_arcs_and_goals_than_a_word_has_bits():
 
 def search_for(name, nodes, **options):
     mission = load_mission(name, nodes=nodes, robots=2)
-    return FrontSearch(mission, mission.world, **options)
+    given = {"time_limit": 60.0, "memory_limit": 1024.0, **options}
+    return FrontSearch(mission, mission.world, **given)
 
 
 def run(search):

@@ -16,7 +16,7 @@ from botohe_moo.algorithms import base
 from botohe_moo.algorithms.annealing import kernels
 from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, PlanArchive
 from botohe_moo.base.parameters import Count, Positive, Probability, Size, check_weights
-from botohe_moo.base.types import FloatArray, ObjectArray
+from botohe_moo.base.types import FloatArray, ObjectArray, Rng
 from botohe_moo.core.rng import seed_states
 from botohe_moo.core.world import World, find_arc
 from botohe_moo.mission.model import Mission
@@ -72,12 +72,7 @@ class Annealing:
     """
 
     def __init__(
-        self,
-        mission: Mission,
-        world: World,
-        settings: AnnealingSettings,
-        *,
-        random_state: np.random.Generator,
+        self, mission: Mission, world: World, settings: AnnealingSettings, *, random_state: Rng
     ) -> None:
         self.mission, self.world, self.settings = mission, world, settings
         self.state = kernels.new_state(world, seed_states(random_state, 1))
@@ -95,9 +90,8 @@ class Annealing:
         """
         given = kernels.MOVES if self.settings.moves is None else self.settings.moves
         weights = np.array([given.get(move, 0.0) for move in kernels.MOVES])
-        weights[kernels.DETOUR] *= (
-            (self.world.graph.reverse < 0).mean() if self.world.graph.n_arcs else 0
-        )
+        one_way = self.world.graph.reverse < 0
+        weights[kernels.DETOUR] *= one_way.mean() if len(one_way) else 0
         return weights
 
     def best(self) -> tuple[PlanBatch, FloatArray]:
@@ -337,9 +331,8 @@ class SimulatedAnnealing(ArchiveAlgorithm):
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
         settings = AnnealingSettings(**base.settings_of(self, AnnealingSettings))
-        self._search = Annealing(
-            problem.mission, problem.world, settings, random_state=self.random_state
-        )
+        mission, rng = problem.mission, self.random_state
+        self._search = Annealing(mission, problem.world, settings, random_state=rng)
 
     def _advance(self, **_: Any) -> None:
         search, best_only = self._search, self.best_of_weights

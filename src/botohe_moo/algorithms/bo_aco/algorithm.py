@@ -2,38 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
 from pydantic import Field
 
-from botohe_moo.algorithms.base import PlanArchive
+from botohe_moo.algorithms import base
+from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, PlanArchive, Threads
 from botohe_moo.algorithms.bo_aco import kernels
-from botohe_moo.base.parameters import Count, NotNegative, Positive
-from botohe_moo.base.types import FloatArray, OffsetArray
+from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch
+from botohe_moo.base.parameters import Count, NotNegative, Positive, Probability
+from botohe_moo.base.types import FloatArray, ObjectArray, OffsetArray
 from botohe_moo.core.paths import new_paths
 from botohe_moo.core.rng import seed_states
 from botohe_moo.core.threads import in_spans
 from botohe_moo.core.world import World, brought_home
 from botohe_moo.mission.model import Mission
-from botohe_moo.trails import PlanBatch
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Self
-
-from botohe_moo.algorithms import base
-from botohe_moo.algorithms.base import ArchiveAlgorithm, MaxTies, Threads
-from botohe_moo.algorithms.local_search.engine import Costs, LocalSearch
-from botohe_moo.base.parameters import Probability
-from botohe_moo.base.types import ObjectArray
 from botohe_moo.problem import BOTOHE
-from botohe_moo.trails import TrailPlan
+from botohe_moo.trails import PlanBatch, TrailPlan
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -137,15 +126,10 @@ class Colony:
         concurrent = self.settings.allocation == "concurrent"
         limits = world.limits
         is_careful = not world.graph.balanced or limits.has_floors or limits.has_budgets
-        return kernels.Build(
-            self.settings.n_ants,
-            self.settings.exploration,
-            concurrent,
-            self._heuristic,
-            levels,
-            new_paths(world) if is_careful else None,
-            kernels.new_scratch(world, len(levels), concurrent, self._states),
-        )
+        rule = self.settings.n_ants, self.settings.exploration, concurrent
+        paths = new_paths(world) if is_careful else None
+        scratch = kernels.new_scratch(world, len(levels), concurrent, self._states)
+        return kernels.Build(*rule, self._heuristic, levels, paths, scratch)
 
     def learn(
         self, batch: PlanBatch, objectives: FloatArray, members: OffsetArray, archive: PlanArchive
@@ -202,12 +186,11 @@ def _new_heuristic(world: World, settings: ColonySettings) -> kernels.Heuristic:
     with np.errstate(over="ignore"):
         gain = (settings.unvisited_bonus + survival * reward) / settings.reward_epsilon
     gain = np.minimum(gain, np.exp(kernels.LOG_HIGH))
-    return kernels.Heuristic(
+    least, logs = (
         float(np.log(settings.reward_epsilon)),
         np.log(settings.survival_epsilon + survival),
-        gain,
-        np.log1p(gain),
     )
+    return kernels.Heuristic(least, logs, gain, np.log1p(gain))
 
 
 def tabulate_pheromone(mission: Mission, colony: Colony) -> pd.DataFrame:
@@ -391,19 +374,12 @@ class BOACO(ArchiveAlgorithm):
         if self.local_search > 0:
             costs = Costs(problem.world)
             self._improver = LocalSearch(problem.mission, costs, random_state=self.random_state)
-        self.colony = Colony(
-            problem.mission,
-            problem.world,
-            ColonySettings(**base.settings_of(self, ColonySettings)),
-            n_threads=self.n_threads,
-            random_state=self.random_state,
-        )
+        settings = ColonySettings(**base.settings_of(self, ColonySettings))
+        how = {"n_threads": self.n_threads, "random_state": self.random_state}
+        self.colony = Colony(problem.mission, problem.world, settings, **how)
 
     def _advance(self, **_: Any) -> None:
-        n_ants = min(self.n_ants, self.n_left)
-        if n_ants == 0:  # the plans to start from took the whole budget
-            return
-        batch = self.colony.construct(n_ants)
+        batch = self.colony.construct(min(self.n_ants, self.n_left))
         batch, objectives, members = self._improve(batch, *self.evaluate_plans(batch))
         self.colony.learn(batch, objectives, members, self.archive)
 

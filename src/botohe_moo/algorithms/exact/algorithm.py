@@ -94,12 +94,8 @@ class Exact(ArchiveAlgorithm):
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
-        self._search = FrontSearch(
-            problem.mission,
-            problem.world,
-            time_limit=self.time_limit,
-            memory_limit=self.memory_limit,
-        )
+        limits = {"time_limit": self.time_limit, "memory_limit": self.memory_limit}
+        self._search = FrontSearch(problem.mission, problem.world, **limits)
         self._evaluated = set(self.sampling)
 
     def _advance(self, **_: Any) -> None:

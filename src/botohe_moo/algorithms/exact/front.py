@@ -218,12 +218,7 @@ class FrontSearch:
     """
 
     def __init__(
-        self,
-        mission: Mission,
-        world: World,
-        *,
-        time_limit: float = TIME_LIMIT,
-        memory_limit: float = MEMORY_LIMIT,
+        self, mission: Mission, world: World, *, time_limit: float, memory_limit: float
     ) -> None:
         self.mission, self.world = mission, world
         self.time_limit, self.memory_limit = time_limit, memory_limit

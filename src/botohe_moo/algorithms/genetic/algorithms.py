@@ -280,10 +280,8 @@ def wired(path: str, found: Callable[..., Any]) -> Callable[..., Any]:
     if getattr(found, "__module__", "").partition(".")[0] != "pymoo":
         return found
     if not (isinstance(found, type) and issubclass(found, GeneticAlgorithm)):
-        raise ValueError(
-            f"Algorithm {path!r}: expected a population-based class of pymoo's, derived from "
-            f"GeneticAlgorithm, got {found!r}."
-        )
+        expected = "a population-based class of pymoo's, derived from GeneticAlgorithm"
+        raise ValueError(f"Algorithm {path!r}: expected {expected}, got {found!r}.")
     for module, reason in _REFUSED.items():
         if f"{found.__module__}.".startswith(f"{module}."):
             raise ValueError(f"Algorithm {path!r}: cannot be wired; {reason}.")
@@ -319,9 +317,8 @@ def _wire(path: str, wrapped: type[GeneticAlgorithm]) -> type[PlanGeneticAlgorit
             return _revive, (path,), self.__dict__
 
     Wired.__name__ = Wired.__qualname__ = wrapped.__name__
-    pop_size, n_offsprings, *operators, _ = inspect.signature(
-        PlanGeneticAlgorithm
-    ).parameters.values()
+    inherited = inspect.signature(PlanGeneticAlgorithm).parameters.values()
+    pop_size, n_offsprings, *operators, _ = inherited
     shown = [_stated(parameter) for name, parameter in own.items() if name not in _INNER]
     Wired.__signature__ = inspect.Signature([pop_size, n_offsprings, *shown, *operators])
     return Wired

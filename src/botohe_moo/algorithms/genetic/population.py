@@ -217,7 +217,10 @@ class PopulationAlgorithm(BudgetedAlgorithm):
         """
         base.check_problem(problem)
         directions = getattr(self, "ref_dirs", None)
-        base.check_n_objectives(self, problem, None if directions is None else directions.shape[1])
+        if directions is not None and directions.shape[1] != problem.n_obj:
+            wanted = f"searches for fronts of {directions.shape[1]} objectives"
+            found = f"{type(problem).__name__} has {problem.n_obj}"
+            raise TypeError(f"{type(self).__name__} {wanted}, and {found}.")
         if any(isinstance(repair, variation.PenaltyOnly) for repair in self._repairs()):
             problem = problem.allowing_invalid()
         self.archive = PopulationArchive(

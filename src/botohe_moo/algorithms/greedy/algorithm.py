@@ -96,14 +96,11 @@ class Greedy(ArchiveAlgorithm):
         self._evaluated = set(self.sampling)
 
     def _advance(self, **_: Any) -> None:
-        n_left = self.n_left
-        if n_left == 0:  # the plans to start from have spent the budget
-            return
         weight = self._waiting.pop() / (self.n_weights - 1)
         plans = [plan for plan in self.planner.plans(weight) if plan not in self._evaluated]
         if plans:
             self._evaluated.update(plans)
-            self.evaluate_plans(self.problem.mission.batch(plans[:n_left]))
+            self.evaluate_plans(self.problem.mission.batch(plans[: self.n_left]))
         if not self._waiting:
             self.termination.force_termination = True
 

@@ -316,12 +316,7 @@ def _judge(world: World, near: Near, rule: BeamRule, beam: Beam, child: Any, sta
 
 @helper
 def _close(
-    world: World,
-    shortest: Shortest | None,
-    rule: BeamRule,
-    beam: Beam,
-    child: Any,
-    stay: float,
+    world: World, shortest: Shortest | None, rule: BeamRule, beam: Beam, child: Any, stay: float
 ) -> tuple[float, int]:
     """Send a child of the current label home; return the value of the closed trail.
 

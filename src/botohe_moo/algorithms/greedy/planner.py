@@ -92,9 +92,8 @@ def plan_sequentially(
     >>> bool(reward > 10)
     True
     """
-    world = check_mission(mission).limited(
-        min_survival, math.inf if max_length is None else max_length
-    )
+    longest = math.inf if max_length is None else max_length
+    world = check_mission(mission).limited(min_survival, longest)
     mission.check_ways(world)
     return SequentialPlanner(mission, world, beam_width=beam_width).plan(weight)
 
@@ -109,11 +108,7 @@ class SequentialPlanner:
     """
 
     def __init__(
-        self,
-        mission: Mission,
-        world: World | None = None,
-        *,
-        beam_width: int = BEAM_WIDTH,
+        self, mission: Mission, world: World | None = None, *, beam_width: int = BEAM_WIDTH
     ) -> None:
         self.mission = check_mission(mission)
         self.world = mission.world if world is None else world

@@ -170,21 +170,19 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         if self.greedy_start and not mission.has_returns and len(plans) < self.n_left:
             wide = len(mission.nodes) * mission.robots <= _WIDE_UP_TO
             planner = SequentialPlanner(
-                mission,
-                problem.world,
-                beam_width=_WIDE_BEAM if wide else _NARROW_BEAM,
+                mission, problem.world, beam_width=_WIDE_BEAM if wide else _NARROW_BEAM
             )
             plans += planner.plans(1.0)
         batch = mission.batch(plans)[: self.n_left]
         if problem.risk is not None:
             self.evaluate_plans(batch)
+        else:
+            self.evaluator.n_eval += len(batch)
+            if problem.n_ieq_constr:
+                batch = batch.take((problem.constrain_batch(batch) <= 0).all(axis=1))
+            self._search.first.insert(batch)
+        if self.n_left:
             self._advance()
-            return
-        self.evaluator.n_eval += len(batch)
-        if problem.n_ieq_constr:
-            batch = batch.take((problem.constrain_batch(batch) <= 0).all(axis=1))
-        self._search.first.insert(batch)
-        self._advance()
 
     @property
     def statistics(self) -> pd.DataFrame:
@@ -200,8 +198,6 @@ class ParetoLocalSearch(ArchiveAlgorithm):
         n = max(_FIRST_GENERATION, self.evaluator.n_eval // 10)
         most = self.evaluations_per_generation * self._search.n_running
         n = min(n, most, self.n_left)
-        if n == 0:
-            return
         n_evaluated = self._search.run(n)
         self.evaluator.n_eval += n_evaluated
         if n_evaluated < n:  # no move makes another plan

@@ -156,14 +156,8 @@ class LocalSearch:
     @property
     def parts(self) -> Search:
         """What the kernels work with."""
-        return Search(
-            world=self.costs.priced,
-            routes=self.costs.routes,
-            store=self._store,
-            front=self._front,
-            work=self._work,
-            p_recreate=self._p_recreate,
-        )
+        costs, front = self.costs, self._front
+        return Search(costs.priced, costs.routes, self._store, front, self._work, self._p_recreate)
 
     def let_wait(self, n_plans: int) -> None:
         """Let at most ``n_plans`` wait for ruin and recreate before it is their turn."""

@@ -22,14 +22,7 @@ from botohe_moo.base.messages import quoted
 from botohe_moo.base.parameters import validated
 from botohe_moo.mission.formats.reading import Draft, Format, Row, Source
 from botohe_moo.mission.model import Mission
-from botohe_moo.mission.rules import (
-    BY_KIND,
-    ONLY_KIND,
-    Kind,
-    MissionError,
-    read_label,
-    whose,
-)
+from botohe_moo.mission.rules import BY_KIND, ONLY_KIND, Kind, MissionError, read_label, whose
 from botohe_moo.mission.scenarios import Scenario
 
 as_json = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
@@ -84,10 +77,7 @@ def mission_content(mission: Mission) -> dict[str, Any]:
         arcs.append(_entry(whose(tail, head), of, **ends))
     own = {attribute: getattr(mission, attribute) for attribute in ("base", "robots", "pays")}
     if _has_kinds(mission):
-        own["kinds"] = [
-            {f.name: v for f in fields(kind) if (v := getattr(kind, f.name)) != f.default}
-            for kind in mission.kinds
-        ]
+        own["kinds"] = [*map(_changed, mission.kinds)]
     own["scenarios"] = [_scenario_entry(of, label_of) for of in mission.scenarios]
     # The mission's own values win over those of its graph, in whose places they stand.
     kept = {"name": None} | graph.graph | own | {"name": mission.name}
@@ -102,15 +92,16 @@ def mission_content(mission: Mission) -> dict[str, Any]:
 
 def _scenario_entry(scenario: Scenario, label_of: Mapping[Any, Any]) -> dict[str, Any]:
     """Return a scenario as JSON holds it; :func:`scenarios.read_scenarios` reads it."""
-    own: dict[str, Any] = {"name": scenario.name, "probability": scenario.probability}
-    own |= {"factor": scenario.factor} if scenario.factor != 1.0 else {}
-    own |= {"zone": scenario.zone} if scenario.zone is not None else {}
-    if scenario.survival:
-        arcs = scenario.survival.items()
-        own["survival"] = [[label_of[u], label_of[v], number] for (u, v), number in arcs]
-    if scenario.reward:
-        own["reward"] = [[label_of[v], number] for v, number in scenario.reward.items()]
-    return own
+    arcs, nodes = scenario.survival.items(), scenario.reward.items()
+    own = _changed(scenario)
+    own["survival"] = [[label_of[u], label_of[v], number] for (u, v), number in arcs]
+    own["reward"] = [[label_of[v], number] for v, number in nodes]
+    return {name: value for name, value in own.items() if value != []}
+
+
+def _changed(of: Kind | Scenario) -> dict[str, Any]:
+    """Return the parameters of a kind or a scenario that are not at their defaults."""
+    return {f.name: v for f in fields(of) if (v := getattr(of, f.name)) != f.default}
 
 
 def _has_kinds(mission: Mission) -> bool:

@@ -27,7 +27,7 @@ from botohe_moo.mission import hazards, rules
 from botohe_moo.mission.hazards import Raster, Zone
 from botohe_moo.mission.model import Mission
 from botohe_moo.mission.rules import Kind, MissionError
-from botohe_moo.mission.scenarios import names_of, read_scenarios, with_survivals
+from botohe_moo.mission.scenarios import add_survivals, names_of, read_scenarios
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -352,9 +352,7 @@ class _Site:
     def open_both_ways(self) -> None:
         """Add an arc back for each arc that has none, with the same attributes."""
         known = {ends for _, ends, _ in self.arcs}
-        back = [
-            Row(w, ends[::-1], {**of}) for w, ends, of in self.arcs if {*ends} <= self.at.keys()
-        ]
+        back = [Row(at, to[::-1], {**of}) for at, to, of in self.arcs if {*to} <= self.at.keys()]
         self.arcs += [arc for arc in back if arc.labels not in known]
 
     def add_lengths(self) -> None:
@@ -449,7 +447,8 @@ class _Site:
         if self.draft.foreign:
             self._leave_out(graph, loops, parallel)
         if self.scenarios:
-            graph.graph["scenarios"] = with_survivals(self.scenarios, in_scenarios, graph)
+            add_survivals(self.scenarios, in_scenarios, graph)
+            graph.graph["scenarios"] = self.scenarios
         if said := [f"{what}: {listed(names)}" for what, names in self.left_out.items() if names]:
             self.notes.insert(0, f"Left out {'; '.join(said)}.")
         return graph
@@ -533,13 +532,11 @@ def _join_columns(
         where = {key: row.where for row in reversed(rows) for key in row.attributes}
         columns = {key: key.partition(":")[2] for key in where if rules.attribute_of(key) == name}
         columns = {key: of for key, of in columns.items() if of in kinds or of not in scenarios}
-        known = f"the kinds are {', '.join(kinds)}" if kinds else "the mission lists no kinds"
         unknown = [key for key, kind in columns.items() if kind not in kinds]
-        known += (
-            f"; the scenarios are {', '.join(scenarios)}" if scenarios else ", and no scenarios"
-        )
+        known = f"the kinds are {', '.join(kinds)}" if kinds else "the mission lists no kinds"
+        cases = f"; the scenarios are {', '.join(scenarios)}" if scenarios else ", and no scenarios"
         what = "no such kind or scenario" if scenarios else "no such kind"
-        faults = [f"{where[key]}: column {quoted(key)}: {what}; {known}" for key in unknown]
+        faults = [f"{where[key]}: column {quoted(key)}: {what}; {known}{cases}" for key in unknown]
         if columns and not faults and name == "survival" and name not in where:
             missing = [f"{name}:{kind}" for kind in kinds if f"{name}:{kind}" not in columns]
             first = where[min(columns)]
@@ -650,9 +647,8 @@ def mission_from_tables(
     try:
         return make_mission(draft, base=base, robots=robots, kinds=kinds, **options)
     except MissionError as error:
-        raise MissionError(
-            _with_rows(error.faults, [*node_rows, *arc_rows]), error.source
-        ) from None
+        where = _with_rows(error.faults, [*node_rows, *arc_rows])
+        raise MissionError(where, error.source) from None
 
 
 def _with_rows(faults: Iterable[str], rows: Sequence[Row]) -> Iterable[str]:

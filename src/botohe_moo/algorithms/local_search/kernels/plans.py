@@ -208,12 +208,7 @@ def _lay_out(
 
 @inlined
 def collect(
-    returns: Returns | None,
-    node: int,
-    worth: float,
-    alive: float,
-    gained: float,
-    carried: float,
+    returns: Returns | None, node: int, worth: float, alive: float, gained: float, carried: float
 ) -> tuple[float, float]:
     """Return what is gained and carried once a robot is at a node, with probability ``alive``.
 
