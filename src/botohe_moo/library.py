@@ -303,7 +303,8 @@ def best_known(name: str, *, folder: FilePath = FOLDER) -> BestKnown:
     >>> found.area / known.area > 0.999
     True
     """
-    return BestKnown.read(_front_file(name, Path(folder)), library_mission(name))
+    mission = library_mission(name)
+    return BestKnown.read(_front_file(name, Path(folder)), mission)
 
 
 def certified_bound(name: str, *, folder: FilePath = FOLDER) -> FrontBound:
@@ -407,7 +408,8 @@ def add_plans(
 ) -> dict[str, Added]:
     """Merge plans into the best known fronts, and write those that change.
 
-    All plans are checked, those of the fronts, too. Each file is replaced in one step.
+    All plans are checked, those of the fronts, too, before any file is written. Each file is
+    replaced in one step.
 
     Parameters
     ----------
@@ -438,7 +440,6 @@ def add_plans(
     >>> added.before.area, round(added.after.area, 2)
     (0.0, 0.66)
     """
-    Path(folder).mkdir(parents=True, exist_ok=True)
     added = {}
     for name, lists in found.items():
         before = BestKnown(library_mission(name))
@@ -450,10 +451,12 @@ def add_plans(
                 after = after.merged(plans, finder)
             except ValueError as error:
                 raise ValueError(f"{name}, {finder.method}: {error}") from None
-        if after != before:
-            data = after.to_bytes()
-            replace_file(path, gzip.compress(data, mtime=0) if path.suffix == ".gz" else data)
         added[name] = Added(before, after, path if after != before else None)
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    for _, after, written in added.values():
+        if written is not None:
+            data = after.to_bytes()
+            replace_file(written, gzip.compress(data, mtime=0) if written.suffix == ".gz" else data)
     return added
 
 

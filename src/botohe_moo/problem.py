@@ -42,8 +42,8 @@ class BOTOHE(Problem):
         0; an arc without ``length`` counts 1. It becomes an inequality constraint, too. Default:
         the mission's own (``mission.max_length``), if it has one; ``math.inf`` sets none.
     risk
-        The first objective is the mean reward of the worst scenarios that have this probability
-        together, in (0, 1), in place of E[R]: the conditional value at risk over scenarios
+        In (0, 1): the first objective is not E[R], but its mean over the worst scenarios, those
+        that have this probability together. It is the conditional value at risk over scenarios
         (Rockafellar and Uryasev, "Conditional value-at-risk for general loss distributions",
         Journal of Banking & Finance 26, 2002). Default: E[R].
     allow_invalid
@@ -120,7 +120,8 @@ class BOTOHE(Problem):
         """Return the weights of scenarios whose mean reward ``risk`` makes an objective.
 
         They sum to 1 for each plan (n_scenarios, n): those of the worst scenarios, which have the
-        probability ``risk`` together, are 1 / risk times their probabilities.
+        probability ``risk`` together, are 1 / risk times their probabilities. Without a ``risk``,
+        they are the probabilities.
 
         Parameters
         ----------
@@ -129,9 +130,10 @@ class BOTOHE(Problem):
         """
         order = self._rewards(batch).argsort(axis=0, kind="stable")
         chances = np.array([p for p, _ in self.mission.in_scenarios])[order]
-        counted = np.clip(self.risk - (chances.cumsum(axis=0) - chances), 0.0, chances)
+        risk = self.risk or 1.0
+        counted = np.diff(np.minimum(chances.cumsum(axis=0), risk), axis=0, prepend=0.0)
         weights = np.empty(order.shape)
-        np.put_along_axis(weights, order, counted / self.risk, axis=0)
+        np.put_along_axis(weights, order, counted / risk, axis=0)
         return weights
 
     def _rewards(self, batch: PlanBatch) -> FloatArray:

@@ -5,7 +5,14 @@ import json
 import numpy as np
 import pytest
 
-from botohe_moo import MissionError, area_indicator, bound_front, load_mission, solve
+from botohe_moo import (
+    MissionError,
+    TrailPlan,
+    area_indicator,
+    bound_front,
+    load_mission,
+    solve,
+)
 from botohe_moo.library import (
     FOLDER,
     Finder,
@@ -123,6 +130,17 @@ class TestAdding:
         _, after, path = add_plans({"town-196": [([home], ADA)]}, folder=tmp_path)["town-196"]
         assert path == tmp_path / "town-196.front.json.gz"
         assert best_known("town-196", folder=tmp_path).to_bytes() == after.to_bytes()
+
+    def test_nothing_is_written_if_any_plan_is_refused(self, tmp_path, found):
+        given = {SMALL: [(found.plans, ADA)], "town-64": [([TrailPlan([[0, 5], [0]])], ADA)]}
+        with pytest.raises(ValueError, match="town-64, by hand: Robot 0"):
+            add_plans(given, folder=tmp_path / "new")
+        assert not (tmp_path / "new").exists()
+
+    def test_names_that_are_unknown_are_refused(self):
+        for look in (best_known, certified_bound, library_table):
+            with pytest.raises(ValueError, match="vilage"):
+                look(["vilage"] if look is library_table else "vilage")
 
     def test_a_front_that_is_false_is_refused(self, library, found):
         path = library / f"{SMALL}.front.json"

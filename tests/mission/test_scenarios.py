@@ -174,6 +174,7 @@ def test_each_fault_is_named():
         ([Scenario("x", 0.0)], ["scenario 'x': expected probability in (0, 1], got 0.0"]),
         ([Scenario("x", 0.5, factor=-1)], ["scenario 'x': expected a finite factor >= 0, got -1"]),
         ([Scenario("x", 0.5), Scenario("x", 0.5)], ["scenario 'x': there are two of this name"]),
+        ([{"name": ["x"], "probability": 0.5}], ["scenario ['x']: expected a printable name"]),
         (
             [Scenario("x", 0.5), Scenario("y", 0.6)],
             ["expected probabilities of scenarios that sum to at most 1, got 1.1"],
@@ -233,7 +234,7 @@ def test_every_algorithm_honours_scenarios_or_refuses(name):
     assert area_indicator(found.objectives, THREE) > 0.2
     problem, algorithm = BOTOHE(THREE, risk=0.3), make_algorithm(name)
     if getattr(algorithm, "evaluates_in_kernels", False) and not algorithm.honours_risk:
-        with pytest.raises(TypeError, match="in a kernel, and not risk"):
+        with pytest.raises(TypeError, match="cannot plan for risk"):
             minimize(problem, algorithm, ("n_eval", 300), seed=1)
         return
     done = minimize(problem, algorithm, ("n_eval", 300), seed=1)
@@ -364,7 +365,9 @@ def test_an_arc_that_the_graph_closes_for_a_kind_stays_closed():
     graph.graph.pop("robots")
     graph.edges[2, 4]["survival"] = {"drone": 0.9, "rover": 0.0}
     kinds = [Kind("drone", 1), Kind("rover", 1)]
-    mission = Mission(graph, kinds=kinds, scenarios=[Scenario("open", 0.5, survival={(2, 4): 0.7})])
+    survival = {(2, 4): {"drone": 0.7, "rover": 0.7}}
+    mission = Mission(graph, kinds=kinds, scenarios=[Scenario("open", 0.5, survival=survival)])
+    survival[2, 4]["drone"] = 0.1  # the mission has its own numbers
     one = mission.in_scenario("open")
     assert one.graph.edges[2, 4]["survival"] == {"drone": 0.7, "rover": 0.0}
     assert one.world.graph.n_arcs == mission.world.graph.n_arcs == 2 * len(graph.edges) - 1
@@ -381,7 +384,7 @@ def test_risk_is_the_mean_of_the_worst_scenarios():
     assert (problem.is_plain, problem.objectives.names[0]) == (False, "E[R] in the worst 30 %")
     done = minimize(problem, make_algorithm("nsga2", pop_size=20), ("n_eval", 200), seed=1)
     assert np.array_equal(done.F, problem.evaluate_batch(THREE.batch(done.X)))
-    with pytest.raises(TypeError, match="SimulatedAnnealing evaluates"):
+    with pytest.raises(TypeError, match="SimulatedAnnealing cannot plan for risk"):
         minimize(problem, make_algorithm("simulated-annealing"), ("n_eval", 200), seed=1)
     for risk, mission in ((0.0, THREE), (1.0, THREE), (0.3, TOY)):
         with pytest.raises(ValueError, match="risk"):
@@ -398,6 +401,22 @@ def test_local_search_for_the_worst_scenarios():
     assert np.array_equal(found.F, problem.evaluate_batch(THREE.batch(found.X)))
     area = area_indicator(-found.F, problem.objectives)
     assert area == pytest.approx(area_indicator(best, problem.objectives), rel=1e-9)
+    # A plan that is good in all scenarios, but best under no weights of them.
+    graph = nx.DiGraph([(0, v) for v in "abc"] + [(v, 0) for v in "abc"], base=0, robots=1)
+    nx.set_node_attributes(graph, {0: 0.0, "a": 0.0, "b": 0.0, "c": 4.0}, "reward")
+    nx.set_edge_attributes(graph, 0.9, "survival")
+    pays = [Scenario(f"pays {v}", 0.5, reward={v: 10.0}) for v in "ab"]
+    one = BOTOHE(Mission(graph, scenarios=pays), risk=0.3, max_length=2)
+    found = minimize(one, make_algorithm("pareto-local-search"), ("n_eval", 1_000), seed=1)
+    assert found.F[:, 0].min() == pytest.approx(-3.6)
+    half = make_algorithm("pareto-local-search")
+    half.setup(problem, termination=("n_eval", 3_000), seed=1)
+    half.next()
+    copied = pickle.loads(pickle.dumps(half))  # goes on as the other does
+    for algorithm in (half, copied):
+        while algorithm.has_next():
+            algorithm.next()
+    assert np.array_equal(half.archive.objectives, copied.archive.objectives)
     floor = BOTOHE(THREE, risk=0.3, min_survival=0.8)
     found = minimize(floor, make_algorithm("pareto-local-search"), ("n_eval", 2_000), seed=1)
     assert THREE.robot_survival(found.X).min() >= 0.8 - 1e-12
@@ -655,6 +674,13 @@ def test_arcs_that_are_closed_in_all_scenarios_are_no_arcs():
     assert shut.world.graph.n_arcs == alone.world.graph.n_arcs == 11
     data = page_data(solution_of(shut, [shut.plan([[1, 3, 1], [1]])]))
     assert len(data["arc_survival"][0][0]) == len(data["arcs"][0]) == 11
+
+
+def test_few_chances_of_the_worst_scenarios_sum_to_one():
+    tiny = Scenario("storm", 1e-17, factor=8)
+    problem = BOTOHE(Mission(TOY.graph, scenarios=[tiny, Scenario("half", 0.5, 2)]), risk=1e-17)
+    weights = problem.worst_weights(TOY.batch([PLAN]))
+    assert weights[:, 0].tolist() == [1.0, 0.0, 0.0]
 
 
 def test_a_mission_keeps_its_own_scenarios():

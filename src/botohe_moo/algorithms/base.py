@@ -323,7 +323,7 @@ class ArchiveAlgorithm(BudgetedAlgorithm):
                 found = f"{type(problem).__name__} overrides {method}"
                 raise TypeError(f"{found}, which {type(self).__name__} does not call: {why}")
         if self.evaluates_in_kernels and not self.honours_risk and problem.risk is not None:
-            raise TypeError(f"{type(self).__name__} evaluates E[R] in a kernel, and not risk.")
+            raise TypeError(f"{type(self).__name__} cannot plan for risk: it computes E[R] itself.")
         return super().setup(problem, **kwargs)
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:

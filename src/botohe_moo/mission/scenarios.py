@@ -38,8 +38,8 @@ class Scenario:
     factor
         What hazards, −log of survivals, are multiplied by, at least 0.
     zone
-        A zone, or several: ``factor`` holds for arcs that begin or end in one of them. In which one
-        a node is says its attribute ``zone``. Default: for all arcs.
+        A zone, or several: ``factor`` holds for arcs that begin or end in one of them. A node's
+        attribute ``zone`` says in which it is. Default: for all arcs.
     survival
         Survivals in [0, 1] of some arcs, each by its tail and head: (tail, head) → a number, or a
         mapping from kinds to numbers. 0 closes the arc; one that the graph closes stays closed. The
@@ -82,7 +82,7 @@ _OF_SCENARIOS: Rules = {
 def read_scenarios(scenarios: Any, find: Callable[[Any], Any]) -> Any:
     """Return scenarios as a graph holds them, from mappings as files hold them, or from texts.
 
-    Those have lists in place of mappings from nodes and arcs: [tail, head, survival] and [node,
+    Files have lists in place of mappings from nodes and arcs: [tail, head, survival] and [node,
     reward]. ``find`` returns the node of a label. A text is such as "storm=0.2,factor=8,zone=east";
     ``+`` joins several zones. What is not of this form stays as it is.
     """
@@ -97,7 +97,7 @@ def read_scenarios(scenarios: Any, find: Callable[[Any], Any]) -> Any:
             first, *others = ((name.strip(), value.strip()) for name, value in parts)
             own = {"name": first[0], "probability": first[1], **dict(others)}
             if "+" in own.get("zone", ""):
-                own["zone"] = own["zone"].split("+")
+                own["zone"] = [zone.strip() for zone in own["zone"].split("+")]
             own |= {name: read_number(own[name]) for name in {"probability", "factor"} & own.keys()}
         for name, n_labels in (("survival", 2), ("reward", 1)):
             rows = own.get(name) if isinstance(own, dict) else None
@@ -120,7 +120,7 @@ def names_of(scenarios: Any) -> list[str]:
 def add_survivals(
     scenarios: Any, survivals: Mapping[Any, Mapping[Any, Any]], graph: nx.DiGraph[Any]
 ) -> None:
-    """Add survivals of arcs of a graph, by names of scenarios, to these; their own hold."""
+    """Add to each scenario the survivals that a table has under its name; its own hold."""
     for scenario in scenarios if isinstance(scenarios, list) else ():
         [name] = names_of([scenario]) or [""]
         of_table = {arc: n for arc, n in survivals.get(name, {}).items() if graph.has_edge(*arc)}
@@ -140,23 +140,23 @@ def check_scenarios(
     found, faults = rules.read_listed("scenarios", Scenario, scenarios)
     if faults or not found:
         return (), faults
-    of_kinds = {kind.name for kind in kinds} & {scenario.name for scenario in found}
+    names = [scenario.name for scenario in found]
+    of_kinds = [kind.name for kind in kinds if kind.name in names]
     faults += [f"scenario {quoted(name)}: a kind of robots has this name" for name in of_kinds]
     for scenario in found:
         wrong = _scenario_faults(scenario, graph, kinds or [Kind(rules.ONLY_KIND, 1)])
         faults += [f"scenario {quoted(scenario.name)}: {fault}" for fault in wrong]
-    names = [scenario.name for scenario in found]
-    twice = dict.fromkeys(name for i, name in enumerate(names) if name in names[:i])
-    faults += [f"scenario {quoted(name)}: there are two of this name" for name in twice]
     if faults:
         return (), faults
+    if twice := dict.fromkeys(name for i, name in enumerate(names) if name in names[:i]):
+        return (), [f"scenario {quoted(name)}: there are two of this name" for name in twice]
     total = math.fsum(scenario.probability for scenario in found)
     if total > 1.0 + _SUMS:
         return (), [f"expected probabilities of scenarios that sum to at most 1, got {total:g}"]
     if total < 1.0 - _SUMS:
         if OTHERWISE in names:
-            fault = f"probabilities of scenarios sum to {total:g}, and one is called {OTHERWISE}"
-            return (), [f"expected 1: {fault}"]
+            expected = f"expected probabilities that sum to 1, got {total:g}"
+            return (), [f"{expected}: what is left is called {OTHERWISE}, as one scenario is"]
         found.append(Scenario(OTHERWISE, 1.0 - total))
         total = 1.0
     return tuple(_normalized(scenario, total) for scenario in found), []
@@ -173,7 +173,7 @@ def _normalized(scenario: Scenario, total: float) -> Scenario:
         probability=probability if abs(total - 1.0) < _ROUNDING else probability / total,
         factor=float(scenario.factor),
         zone=scenario.zone if scenario.zone is None else _plain(_zones(scenario.zone)),
-        survival=dict(scenario.survival),
+        survival={a: dict(n) if is_mapping(n) else n for a, n in scenario.survival.items()},
         reward=dict(scenario.reward),
     )
 

@@ -110,9 +110,9 @@ class ParetoLocalSearch(ArchiveAlgorithm):
     A child counts as an evaluation also when an upper bound of its E[R], computed before its trail
     has been walked to the end, shows that it cannot enter.
 
-    Where the problem has a ``risk``, one search goes on in turns of 1 000 evaluations, each with
-    other weights of the scenarios, so that plans get better in their own worst ones; islands and
-    ``max_size`` do not count then.
+    Where the problem has a ``risk``, one search goes on in turns of up to 1 000 evaluations, each
+    with other weights of the scenarios, so that plans get better in their own worst ones; islands
+    and ``max_size`` do not count then.
 
     Islands are a cooperative parallel search in which all processes share one archive: Crainic and
     Toulouse, "Parallel meta-heuristics", in Handbook of Metaheuristics, 2010.
@@ -147,15 +147,12 @@ class ParetoLocalSearch(ArchiveAlgorithm):
 
     def _setup(self, problem: BOTOHE, **_: Any) -> None:
         super()._setup(problem)
-        given: dict[str, Any] = {
-            "n_threads": self.n_threads,
-            "random_state": self.random_state,
-            "settings": LocalSearchSettings(**base.settings_of(self, LocalSearchSettings)),
-        }
+        settings = LocalSearchSettings(**base.settings_of(self, LocalSearchSettings))
+        given: Any = {"random_state": self.random_state, "settings": settings}
         if problem.risk is not None:
             self._search: Islands = WorstScenarios(problem, self.archive, **given)
             return
-        self._search = Islands(problem.mission, problem.world, **given)
+        self._search = Islands(problem.mission, problem.world, n_threads=self.n_threads, **given)
         constrain = problem.constrain_batch if problem.n_ieq_constr else None
         self.archive = _SearchArchive(self._search.first, problem.mission.robots, constrain)
 

@@ -171,12 +171,20 @@ class LocalSearch:
         store = self._store
         self._store = state.new_store(len(store.trails), len(store.arc), len(store.node))
 
+    def reward(self, world: World) -> None:
+        """Forget all plans, and go on in a world with other rewards, but the same survivals."""
+        costs = Costs(world)
+        costs.routes = self.costs.routes
+        self.costs = costs
+        self.restart()
+        self._prepare()
+
     def insert(self, batch: PlanBatch) -> None:
         """Insert valid plans for the mission's team into the front, unless it dominates them.
 
         Plans that do not keep the limits are left out.
         """
-        plan = np.arange(len(batch) * batch.n_robots, dtype=np.int32).reshape(len(batch), -1)
+        plan = np.arange(len(batch) * batch.n_robots, dtype=np.int32).reshape(-1, batch.n_robots)
         nodes, offsets = batch.arrays
         unknown, untried = np.full((len(batch), 2), np.inf), np.zeros(len(batch), np.int64)
         hashes = np.zeros(len(offsets) - 1, np.uint64)
