@@ -171,7 +171,7 @@ class LocalSearch:
         store = self._store
         self._store = state.new_store(len(store.trails), len(store.arc), len(store.node))
 
-    def reward(self, world: World) -> None:
+    def change_rewards(self, world: World) -> None:
         """Forget all plans, and go on in a world with other rewards, but the same survivals."""
         costs = Costs(world)
         costs.routes = self.costs.routes

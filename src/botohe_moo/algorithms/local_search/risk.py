@@ -59,7 +59,7 @@ class WorstScenarios(Islands):
         while n < n_evaluations:
             turn = min(n_evaluations - n, max(_TURN, len(self._archive)))
             n_children = int(_SHARE * turn)
-            search.reward(_weighted(self._problem.world, self._weights()))
+            search.change_rewards(_weighted(self._problem.world, self._weights()))
             search.insert(self._archive.plans)
             before = search.version
             found = search.run(turn - n_children)
