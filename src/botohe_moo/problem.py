@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import copy
 import math
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field
 from pymoo.core.problem import Problem
 from pymoo.util.display.column import Column
 from pymoo.util.display.output import Output
@@ -79,14 +80,13 @@ class BOTOHE(Problem):
         *,
         min_survival: Probability = 0.0,
         max_length: TravelBudget | None = None,
-        risk: Probability | None = None,
+        risk: Annotated[float, Field(gt=0, lt=1)] | None = None,
         allow_invalid: bool = False,
     ) -> None:
         check_mission(mission)
-        if risk is not None and not (0.0 < risk < 1.0 and mission.scenarios):
-            expected = "risk in (0, 1), for a mission with scenarios"
-            which = f"{quoted(mission.name)}, which has {len(mission.scenarios)} scenarios"
-            raise ValueError(f"Expected {expected}, got {risk:g} for {which}.")
+        if risk is not None and not mission.scenarios:
+            which = f"{quoted(mission.name)}, which has no scenarios"
+            raise ValueError(f"Expected no risk for {which}, got {risk:g}.")
         self.risk = risk
         limits = mission.limits(min_survival, max_length)
         n_constraints = int(allow_invalid) + int(limits.has_floors) + int(limits.has_budgets)
